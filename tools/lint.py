@@ -35,7 +35,7 @@ USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.mo
 WITHOUT_WARP = ("geometry", "scene", "usd", *USD, "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.image.png", "show.smoke.read", "show.prim", "show.shading",
                 "show.visible", "cli.arguments", "cli.inventory", "cli.progress")
-ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", *USD), "matplotlib": ("bench",),
+ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", *USD), "matplotlib": ("bench", "sweep.pictures"),
         "ray": ("sweep.cluster",), "pyarrow": ("sweep.folder",),
         "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",),
         "PIL": ("show.image.animation",), "imageio": ("show.image.animation",)}     # who may import these packages

@@ -6,7 +6,9 @@
 (Kavan, Collins, Zara, O'Sullivan 2008, Geometric skinning with approximate dual quaternion blending, section 4.) Influence c of
 point i stands at c n + i, so that neighbouring threads read neighbouring memory: joints as 16 bits, which 65536 joints fill,
 weights in the precision of the run (nothing is lost to either). Traffic of a point in float32: 12 m, one pose: 24 + 6 m bytes
-and, in its cache, the transforms.
+and, in its cache, the transforms: 12 numbers an influence by linear blend, 8 by dual quaternions, each read once. For that the
+influence with the largest weight, whose sign the others take, comes first; and Q y = y + 2 (w u x y + u x (u x y)) / |q|^2
+needs no root.
 """
 
 from functools import cache
@@ -108,43 +110,57 @@ def parted(real, rigid: bool, module):
 
 
 @cache
-def dual(real, out, rigid: bool, module):
-    """Kernel over (times, points): dual quaternion blend, written in `out`."""
-    t, o, Skin, Duals = types(real), types(out), skins(real), duals(real)
+def dual(real, out, m: int, rigid: bool, stretched: bool, module):
+    """Kernel over (times, points): dual quaternion blend by m influences (0: as many as the table says), of which the first has
+    the largest weight, written in `out`."""
+    t, o, Skin, Duals, unrolled = types(real), types(out), skins(real), duals(real), m > 0
+
+    @wp.func
+    def more(skin: Skin, joints: Duals, at: wp.vec2i, c: int, n: int, first: t.quat):
+        """Weight of influence c, with the sign that its rotation agrees with the first by, its joint and its rotation."""
+        j = skin.first + int(skin.joint[c * n + at[1]])
+        w = skin.weight[c * n + at[1]]
+        q = joints.turn[at[0], j]
+        if wp.dot(q, first) < real(0.0):
+            return -w, w, j, q
+        return w, w, j, q
 
     def blend_dual(skin: Skin, point: wp.array2d(dtype=t.vec3), joints: Duals, x_out: wp.array2d(dtype=o.vec3)):
         k, i = wp.tid()
         n = point.shape[1]
         p = point[wp.min(k, point.shape[0] - 1), i]
-        most = real(-1.0)
-        pivot = t.quat()
-        for c in range(skin.influences):
-            w = skin.weight[c * n + i]
-            if w > most:
-                most = w
-                pivot = joints.turn[k, skin.first + int(skin.joint[c * n + i])]
-        q = t.quat(real(0.0), real(0.0), real(0.0), real(0.0))
-        d = t.quat(real(0.0), real(0.0), real(0.0), real(0.0))
-        y = t.vec3()
-        for c in range(skin.influences):
-            j = skin.first + int(skin.joint[c * n + i])
-            w = skin.weight[c * n + i]
-            sign = w
-            if wp.dot(joints.turn[k, j], pivot) < real(0.0):
-                sign = -w
-            q = q + sign * joints.turn[k, j]
-            d = d + sign * joints.shift[k, j]
-            if not rigid:
-                y = y + w * (joints.stretch[k, j] * p)
-        if rigid:
-            y = p
-        size = wp.dot(q, q)
+        j = skin.first + int(skin.joint[i])
+        w = skin.weight[i]
+        first = joints.turn[k, j]
+        q = w * first
+        d = w * joints.shift[k, j]
+        y = p
+        if not rigid:
+            y = w * (joints.stretch[k, j] * p)
+        if unrolled:
+            for c in range(1, m):
+                sign, w, j, turn = more(skin, joints, wp.vec2i(k, i), c, n, first)
+                q = q + sign * turn
+                d = d + sign * joints.shift[k, j]
+                if not rigid:
+                    y = y + w * (joints.stretch[k, j] * p)
+        else:
+            for c in range(1, skin.influences):
+                sign, w, j, turn = more(skin, joints, wp.vec2i(k, i), c, n, first)
+                q = q + sign * turn
+                d = d + sign * joints.shift[k, j]
+                if not rigid:
+                    y = y + w * (joints.stretch[k, j] * p)
+        over = real(1.0) / wp.dot(q, q)
         shift = d * t.quat(-q[0], -q[1], -q[2], q[3])
-        x = rotate(q * (real(1.0) / wp.sqrt(size)), y)
-        x = skin.stretch * (x + (real(2.0) / size) * t.vec3(shift[0], shift[1], shift[2]))
+        u = t.vec3(q[0], q[1], q[2])
+        across = wp.cross(u, y)
+        x = y + (real(2.0) * over) * (q[3] * across + wp.cross(u, across) + t.vec3(shift[0], shift[1], shift[2]))
+        if stretched:
+            x = skin.stretch * x
         x_out[k, i] = o.vec3(out(x[0]), out(x[1]), out(x[2]))
 
-    name = f"blend_dual_{rigid}_{t.name}_{o.name}"
+    name = f"blend_dual_{m}_{rigid}_{stretched}_{t.name}_{o.name}"
     return wp.kernel(blend_dual, name=name, module=module, enable_backward=False)
 
 

@@ -98,23 +98,30 @@ def faces(dim: int, axis: int, real, module):
 
 
 @cache
-def covers(dim: int, axis: int, kinds: tuple[str, ...], real, module):
-    """Kernel over the faces of an axis: velocity across it of the obstacle that is nearest to its middle, at the step's end."""
+def covers(dim: int, axis: int, kinds: tuple[str, ...], bodies: bool, real, module):
+    """Kernel over the faces of an axis: velocity across it of the obstacle that is nearest to its middle, at the step's end;
+    with rigid bodies among them which of those it is, -1: none."""
     t, G, S, f = types(real), structs(real), moved.structs(real), functions(dim, real)
     s = moved.functions(dim, kinds, real)
 
-    def covers(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), rate_out: wp.array(dtype=real)):
+    def covers(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), rate_out: wp.array(dtype=real),
+               body_out: wp.array(dtype=int)):
         c = wp.tid()
         i = f.place(c, f.faces(g, wp.static(axis)))
         y = s.spot(shapes, t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(wp.static(axis)))
         time = clock[0] + clock[1]
         nearest = real(1.0e9)
         v = t.vec3()
+        body = int(-1)
         for k in range(shapes.kind.shape[0]):
             phi = s.signed(shapes, k, y, time)
             if phi < nearest:
                 nearest = phi
                 v = s.rate(shapes, k, y, time)
+                if wp.static(bodies):
+                    body = shapes.body[k]
         rate_out[c] = v[wp.static(axis)]
+        if wp.static(bodies):
+            body_out[c] = body
 
-    return wp.kernel(covers, name=f"covers_{'xyz'[axis]}_{s.name}", module=module, enable_backward=False)
+    return wp.kernel(covers, name=f"covers_{'xyz'[axis]}{'_bodies' * bodies}_{s.name}", module=module, enable_backward=False)

@@ -161,8 +161,9 @@ def recordable(value) -> bool:
                          ids=lambda v: f"{v.owner}.{v.name}")
 def test_a_value_without_a_derivative_is_refused_with_its_reason(value):
     path = PATHS[value.owner] or "/"
+    recording = pressed() if value.owner == "Joint" else run("explicit")[0].recording
     with pytest.raises(SceneError) as said:
-        inputs(run("explicit")[0].recording, [f"{path}:{value.name}"])
+        inputs(recording, [f"{path}:{value.name}"])
     (problem,) = said.value.problems
     assert problem.path == path and value.why in problem.text and value.name in problem.text
 
@@ -245,9 +246,10 @@ def turned() -> Scene:
     return scene
 
 
-def layered() -> Scene:
+def layered(**more) -> Scene:
     scene = Scene(frames=1)
-    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, layers=True, viscosity=0.1))
+    more = more or {"layers": True}
+    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 0.125), 0.125, slip=False, viscosity=0.1, **more))
     return scene
 
 
@@ -282,6 +284,8 @@ CASES = {
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
     "layers": ("/air", lambda: recorded(layered())),
+    "margin": ("/air", lambda: recorded(layered(margin=0.5))),
+    "conserve": ("/air", lambda: recorded(layered(conserve=True, sides=("closed",) * 6))),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),

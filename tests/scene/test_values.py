@@ -136,11 +136,11 @@ def test_a_toy_value_is_refused_for_gradients_by_its_row(row):
 OWNERS = {"Cloth": (Cloth, Fabric), "Springs": (Springs,), "Soft": (Soft, Bulk), "Collider": (Collider,), "Pin": (Pin,),
           "Load": (Load,), "Scene": (Scene,), "Body": (Body,), "Joint": (Joint,), "Fluid": (Fluid,), "Source": (Source,),
           "Liquid": (Liquid,), "Skeleton": (Skeleton,)}
-HELD = {"surface": "motion", "turns": "rotations", "place": "motion",
+HELD = {"surface": "motion", "turns": "motion", "place": "motion",
         "mass": "masses", "force": "curve", "traction": "curve", "shift": "motion", "targets": "motion", "points": "shape",
         **dict.fromkeys(("keys", "tangents", "handles"), "motion"),
         "positions": "points", "rest_shape": "points", "static_friction": "colliders", "dynamic_friction": "colliders",
-        "restitution": "colliders", "stiffness": "drives", "damping": "drives", "target": "drives"}
+        "restitution": "colliders", "stiffness": "drives", "damping": "drives", "target": "drives", "speed": "drives"}
 
 
 @pytest.mark.parametrize("value", table.VALUES, ids=lambda v: f"{v.owner}.{v.name}")

@@ -64,8 +64,9 @@ SCENE = (room("scene", "scene bodies solid solids curve.curve curve.motion fabri
          | room("scene.values", "table value") | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt sweep_strain")
-       | room("simulation.measure", "indicators exceeded") | room("scene", "nodal.masses integrator methods samples")
-       | room("model", "stage state status model midnodes separate kernel_cache structs vjp variants")
+       | room("simulation.measure", "indicators exceeded") | room("scene.nodal", "masses separate")
+       | room("scene", "integrator methods samples")
+       | room("model", "stage state status model midnodes launches kernel_cache structs vjp variants")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Ts, Usd, UsdGeom
 
-from wsim.scene import Scene, Sphere
+from wsim.scene import Scene, Sphere, Varying
 from wsim.scene.curve import Curve, Motion, Stack
 from wsim.usd import load, save
 from wsim.usd.stage import Units
@@ -148,3 +148,22 @@ def test_what_no_spline_says_is_none():
     with pytest.raises(ValueError, match="no knots"):
         curve_of(Ts.Spline(), units)
     assert isinstance(Stack([np.eye(4)]), Motion)
+
+
+@pytest.mark.parametrize(("path", "name"), [("/", "air_drag"), ("/Sheet", "stretch"), ("/Sheet", "density"),
+                                            ("/Ball", "dynamic_friction")])
+def test_live_values_over_time_are_written_as_splines(tmp_path, path, name):
+    """Floats: seven digits. What is no spline (an easing by its name) has samples where frames have their values."""
+    smooth = Curve([0.0, 0.25, 1.0], [1.0, 3.0, 2.0], "catmull_rom", after="linear")
+    for curve, splines in ((smooth, 1), (Curve([0.0, 0.25, 1.0], [1.0, 3.0, 2.0], "eased", easing="bounce-out"), 0)):
+        scene = Scene(frames=24, fps=24.0)
+        scene.cloth("/Sheet", np.array([[0, 0, 1], [1, 0, 1], [1, 1, 1]]), [3], [0, 1, 2])
+        scene.collider("/Ball", Sphere(0.1))
+        scene.varying.append(Varying(path, name, curve))
+        save(scene, str(tmp_path / "one.usda"))
+        written = Usd.Stage.Open(str(tmp_path / "one.usda"))
+        assert sum(a.HasSpline() for prim in written.Traverse() for a in prim.GetAttributes()) == splines
+        (found,) = load(str(tmp_path / "one.usda")).varying
+        t = (np.arange(24) + 0.5) / 24.0
+        np.testing.assert_allclose(found.curve.sampled(t), curve.sampled(t), rtol=1e-6)
+        assert (found.path, found.name) == (path, name)

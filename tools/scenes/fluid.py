@@ -1,6 +1,7 @@
 """The example scenes of fluids; python -m tools.scenes writes them."""
 
-from tools.usda import block, moved, number, scene, settings, solid
+from tools.scenes.rigid import body
+from tools.usda import block, ground, moved, number, scene, settings, solid
 
 AIR = ("A box of air on a grid of cubes. Its smoke, temperature and velocity are written as a Volume beside the layer, an "
        "OpenVDB file a frame.")
@@ -120,5 +121,29 @@ def dam_break() -> str:
         settings(comment="Nothing holds the water from the start."), box, water, drops, pillar], frames=72)
 
 
+def floating_boxes() -> str:
+    """Half of what is in it is lighter than water; walls and floor are planes too, for bodies know no sides of a liquid."""
+    low, high = (-0.6, 0.0, -0.2), (0.6, 0.72, 0.2)
+    water = block("Cube", "Water", 'uniform token purpose = "guide"\n' + placed(low, (-0.24, 0.48, 0.2)),
+                  '["WsimLiquidSourceAPI"]', "What is full of water when the scene starts.")
+    box = block("Cube", "Tank", f'uniform token purpose = "guide"\n{placed(low, high)}\ndouble wsim:liquid:cellSize = 0.04',
+                '["WsimLiquidDomainAPI"]', "The box in which water moves. It pushes rigid bodies, and they push it.")
+    drops = block("Points", "Tank_drops", "color3f[] primvars:displayColor = [(0.1, 0.32, 0.6)]", comment="The particles of a "
+                  "result.")
+    said = "Bodies know no sides of a liquid: these walls and the floor keep them in."
+    walls = [solid("Cube", name, 'uniform token purpose = "guide"\n' + placed(*ends), comment=said * (name == "Left"))
+             for name, ends in (("Left", ((-0.7, 0, -0.3), (-0.6, 1, 0.3))), ("Right", ((0.6, 0, -0.3), (0.7, 1, 0.3))),
+                                ("Back", ((-0.7, 0, -0.3), (0.7, 1, -0.2))), ("Front", ((-0.7, 0, 0.2), (0.7, 1, 0.3))))]
+    crate = body(("Cube", "Crate", "double size = 0.2"), (-0.02, 0.1, 0.06), (0.78, 0.55, 0.3), 20.0, known=(3.2, 0.0),
+                 comment="Two fifths as heavy as water, which runs against it and lifts it.")
+    stone = body(("Cube", "Stone", "double size = 0.16"), (0.34, 0.08, -0.1), (0.45, 0.45, 0.5), 5.0, known=(10.24, 0.0),
+                 comment="Two and a half times as heavy as water.")
+    buoy = body(("Sphere", "Buoy", "double radius = 0.1"), (0.32, 0.62, 0.06), (0.75, 0.2, 0.16), known=(0.84, 0.0),
+                comment="A fifth as heavy as water; it falls into it.")
+    return scene("A column of water collapses and takes a crate and a ball along; a stone stays.", [
+        settings(comment="Nothing holds the water from the start."), box, water, drops, ground(), *walls, crate, stone, buoy],
+        frames=96)
+
+
 FLUID_SCENES = {"plume": plume, "smoke_rings": smoke_rings, "vortex_pair": vortex_pair, "cavity": cavity,
-                "dam_break": dam_break}
+                "dam_break": dam_break, "floating_boxes": floating_boxes}

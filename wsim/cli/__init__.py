@@ -166,8 +166,9 @@ def _bench(commands) -> None:
 def _fit(commands) -> None:
     fit = commands.add_parser("fit", help="find parameters of a scene from an observed motion, and how sure they are")
     fit.add_argument("scene")
-    fit.add_argument("--to", type=named, action="append", required=True, metavar="OBSERVED",
+    fit.add_argument("--to", type=named, action="append", default=[], metavar="OBSERVED",
                      help="USD file with sampled points")
+    sweep_options.add_many(fit)
     fit.add_argument("--parameters", type=named, required=True, metavar="A,B",
                      help="stretch,bend, say, or /World/Cloth:stretch; young[]: of each tet")
     fit.add_argument("-o", "--output", type=named, metavar="FITTED", help="layer over the scene with what was found")
@@ -264,10 +265,12 @@ def _main(argv: list[str] | None) -> int:
         named = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
         if named:
             parser().error(f"--error chooses {', '.join(CHOSEN)}: leave out {' '.join(named)}, or --error")
+    if args.command == "fit" and bool(args.to) == bool(args.many):
+        parser().error("--to OBSERVED is one specimen, --many OBSERVED ... are several: give one of them")
     from wsim.cli import commands, sweep
 
     try:
-        code = getattr(sweep if args.command in sweep_options.COMMANDS else commands, args.command)(args)
+        code = getattr(*sweep_options.home(args, commands, sweep))(args)
         if code != INTERRUPTED:
             interrupt.check()
         return code

@@ -16,7 +16,11 @@ from wsim.usd.result.dependencies import refuse
 def run(scene: Scene, args) -> bool:
     """Fits, prints, writes; whether it converged."""
     _check_outputs(scene, args)
-    seen: list[Track] = [t for path in args.to for t in read(path, scene, args.noise, force=args.force_noise)]
+
+    def tracks(paths: list[str]) -> list[Track]:
+        return [t for path in paths for t in read(path, scene, args.noise, force=args.force_noise)]
+
+    seen, also = tracks(args.to or args.many[:1]), [(scene, tracks([path])) for path in args.many[0 if args.to else 1:]]
     settings = Settings(device=args.device, accuracy=args.accuracy or 0.0, limit=args.limit, state=args.restart)
     with line(0) as progress:
         progress.say("compiling")
@@ -25,15 +29,15 @@ def run(scene: Scene, args) -> bool:
             values = ", ".join(f"{name} {value:.5g}" for name, value in step["values"].items())
             progress.say(f"step {step['step']}: {values}; frames to {step['frame']} of {step['frames']}, "
                          f"{step['simulations']:.3g} simulations")
-        result = fit(scene, seen, args.parameters, start=_pairs("--start", args.start),
-                     priors=_priors(args.prior), each=told, settings=settings)
+        result = fit(scene, seen, args.parameters, also=also, start=pairs("--start", args.start),
+                     priors=priors(args.prior), each=told, settings=settings)
     write(scene, result, args)
     return result.converged
 
 
 def _check_outputs(scene: Scene, args) -> None:
     """Raises SceneError for files to write that cannot be, or that the fit reads."""
-    inputs = {args.scene: "the scene"} | dict.fromkeys(args.to, "the observation")
+    inputs = {args.scene: "the scene"} | dict.fromkeys([*args.to, *args.many], "the observation")
     refuse("--restart", args.restart, inputs)
     if args.output:
         from wsim.usd.result.fitted import check_target
@@ -71,7 +75,7 @@ def _save(scene: Scene, result: Fit | FieldFit, path: str) -> list[str]:
     return [name for name, error in result.errors.items() if error == float("inf")]
 
 
-def _pairs(option: str, texts: list[str]) -> dict[str, float]:
+def pairs(option: str, texts: list[str]) -> dict[str, float]:
     """name=value"""
     found = {}
     for text in texts:
@@ -85,7 +89,7 @@ def _pairs(option: str, texts: list[str]) -> dict[str, float]:
     return found
 
 
-def _priors(texts: list[str]) -> dict[str, tuple[float, float]]:
+def priors(texts: list[str]) -> dict[str, tuple[float, float]]:
     """name=mean:sigma"""
     found = {}
     for text in texts:

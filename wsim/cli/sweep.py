@@ -5,6 +5,7 @@ from time import perf_counter
 
 from wsim.cli.commands import _hush, _load, _ready, _simulation
 from wsim.cli.progress import Progress
+from wsim.scene import Problem, SceneError
 from wsim.simulation.duration import duration
 
 
@@ -12,7 +13,8 @@ def settings(args):
     """Settings of a sweep from its arguments."""
     from wsim.sweep.job import Settings
     changes = {name: getattr(args, name, None) for name in ("frames", "substeps", "iterations", "solver", "integrator")}
-    return Settings(device=args.device, precision=args.precision or "float32", keep=getattr(args, "keep", "none"),
+    precision = getattr(args, "precision", None) or "float32"
+    return Settings(device=args.device, precision=precision, keep=getattr(args, "keep", "none"),
                     changes={k: v for k, v in changes.items() if v is not None}, worlds=getattr(args, "worlds", None),
                     workers=args.workers, cores=args.cores, address=args.address, retries=getattr(args, "retries", 2))
 
@@ -22,30 +24,65 @@ def sweep(args) -> int:
     from wsim.sweep.sweep import Sweep
 
     _hush()
-    variants: dict[str, dict[str, str]] = {}
-    for prim, name, value in args.variant:
-        variants.setdefault(prim, {})[name] = value
+    if args.plot:
+        from wsim.sweep.pictures import needed
+        needed()
+    if args.sheet and args.keep == "none":
+        raise SceneError(Problem("--sheet", "draws results, and none is kept; give --keep last too"))
     prepared = Sweep.prepared(args.scene, args.vary, args.output, latin=args.latin, seed=args.seed, resume=args.resume,
-                              settings=settings(args), variants=variants)
+                              settings=settings(args), variants=_variants(args))
+    failed = _through(prepared, args)
+    _pictures(args)
+    return _told(prepared, failed)
+
+
+def fits(args) -> int:
+    """`wsim fit --many`: a table of fits, or one of all; fails where one did, which the table lists."""
+    from wsim.cli import fit as command
+    from wsim.sweep.many import prepared as prepare
+
+    _hush()
+    if not args.output:
+        raise SceneError(Problem("-o", "names the folder of the table of --many; give one"))
+    asked = {"start": command.pairs("--start", args.start), "priors": command.priors(args.prior), "noise": args.noise,
+             "force_noise": args.force_noise, "accuracy": args.accuracy or 0.0, "limit": args.limit}
+    prepared = prepare(args.scene, args.many, args.parameters, args.output, asked=asked, resume=args.resume,
+                       settings=settings(args), variants=_variants(args))
+    return _told(prepared, _through(prepared, args))
+
+
+def _told(prepared, failed: int) -> int:
+    print(f"{prepared.folder.path / 'runs.csv'}: {len(prepared.draws)} runs, {failed} failed")
+    return 1 if failed else 0
+
+
+def _variants(args) -> dict[str, dict[str, str]]:
+    found: dict[str, dict[str, str]] = {}
+    for prim, name, value in args.variant:
+        found.setdefault(prim, {})[name] = value
+    return found
+
+
+def _through(prepared, args) -> int:
+    """Runs all, with progress; how many failed."""
     _ready()
+    quiet = getattr(args, "quiet", False) or getattr(args, "json", False)
     total, before, began = len(prepared.draws), len(prepared.folder.rows), perf_counter()
-    progress = Progress(total, quiet=args.quiet)
+    progress = Progress(total, quiet=quiet)
 
     def told(done: int, of: int) -> None:
         each = (perf_counter() - began) / max(done - before, 1)
         progress.note(f"run {done}/{of}  {each:.3g} s/run  {duration(each * (of - done))} left")
     progress.say(f"{total} runs" + (f", {before} there already" if before else ""))
-    prepared.said = lambda text: (progress.clear(), print(text, file=sys.stderr)) if not args.quiet else None
+    if not quiet:
+        prepared.said = lambda text: print(text, file=sys.stderr)
     failed = 0
     try:
         for row in prepared.rows(told):
             failed += row["status"] != "done"
     finally:
         progress.clear()
-    _pictures(args)
-    table = prepared.folder.path / "runs.csv"
-    print(f"{table}: {total} runs, {failed} failed")
-    return 1 if failed else 0
+    return failed
 
 
 def _pictures(args) -> None:

@@ -6,6 +6,13 @@ COMMANDS = ("sweep", "warm")
 KEEP = ("none", "last", "all")
 
 
+def home(args, commands, sweep) -> tuple:
+    """(module, function) of a command."""
+    if args.command == "fit" and args.many and not args.joint:
+        return sweep, "fits"
+    return sweep if args.command in COMMANDS else commands, args.command
+
+
 def add_sweep(commands) -> None:
     """The parser of `wsim sweep`, without what all commands share."""
     sweep = commands.add_parser("sweep", help="run a scene in many variations, a row of a table for each")
@@ -35,6 +42,15 @@ def _workers(command) -> None:
     command.add_argument("--workers", type=whole, metavar="N", help="processes (needs the extra `sweep`; default: this one)")
     command.add_argument("--cores", type=whole, default=1, metavar="N", help="of the CPU for each worker (default: 1)")
     command.add_argument("--address", type=named, metavar="HOST", help="a Ray cluster: auto, or its address")
+
+
+def add_many(fit) -> None:
+    """Options by which `wsim fit` takes many specimens."""
+    fit.add_argument("--many", type=named, nargs="+", default=[], metavar="OBSERVED",
+                     help="specimens, each fitted by itself: a row of the table in the folder -o for each")
+    fit.add_argument("--joint", action="store_true", help="one fit of all --many, which share the parameters")
+    fit.add_argument("--resume", action="store_true", help="go on with the fits that the folder holds")
+    _workers(fit)
 
 
 def add_warm(commands) -> None:

@@ -24,6 +24,11 @@ class Launches:
     points: Any
 
     @property
+    def fuses(self) -> bool:
+        """True if launches cost so much that many substeps in one pay; on a CPU graphs replay them at a tenth of the price."""
+        return self.device.is_cuda
+
+    @property
     def block(self) -> int:
         """Threads of a block on CUDA: small scenes end sooner in small blocks (10k points, 8 colours: 18.2 us with 64,
         18.8 with 128, 20.2 with 256), a million points do not care. One size for a plan: each is compiled apart."""

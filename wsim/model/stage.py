@@ -155,6 +155,7 @@ class Method:
     name: str
     stages: list[Stage] = field(default_factory=list)
     subdivide: int = 1                                         # steps of its own in a substep, each all its phases
+    moved: bool = False                                        # a frame has other launches than its graph from now on
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
     offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
 

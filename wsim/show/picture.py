@@ -52,7 +52,7 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
         from wsim.show.paint import paint
         paint(seen, colour, device)
     times = _chosen(seen, frames, moving, sheet)
-    cell, columns = _grid(size, len(times)) if sheet else (size, 1)
+    cell, columns = cells(size, len(times)) if sheet else (size, 1)
     cameras, floors = _cameras(seen, times, camera, cell[0] / cell[1])
     caster = Caster([d.look for d in seen.drawn], cell, device)
     images = [caster.image([d.points(t) for d in seen.drawn], c, seen.up, floor,
@@ -61,7 +61,7 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
               for t, c, floor in zip(times, cameras, floors, strict=True)]
     drawn = perf_counter()
     if sheet:
-        images = [_sheet(images, columns)]
+        images = [tiled(images, columns)]
     fps = seen.fps * (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else seen.fps
     _write(out, images, fps)
     return {"out": str(out), "frames": times, "size": [images[0].shape[1], images[0].shape[0]], "notes": seen.notes,
@@ -136,14 +136,14 @@ def _of_stage(seen: Visible, path: str, time: float) -> Camera:
     return Camera(seen.meters * M[3, :3], -unit[2], unit[1], tan_x, tan_y)
 
 
-def _grid(size: tuple[int, int], count: int) -> tuple[tuple[int, int], int]:
+def cells(size: tuple[int, int], count: int) -> tuple[tuple[int, int], int]:
     """Size of one image of a sheet, and the number of columns."""
     columns = ceil(sqrt(count))
     width = max((size[0] - (columns - 1) * GUTTER) // columns, 8)
     return (width, max(round(width * size[1] / size[0]), 8)), columns
 
 
-def _sheet(images: list[np.ndarray], columns: int) -> np.ndarray:
+def tiled(images: list[np.ndarray], columns: int) -> np.ndarray:
     """Images in rows of `columns`, white between and behind."""
     h, w, _ = images[0].shape
     rows = ceil(len(images) / columns)

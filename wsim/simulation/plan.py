@@ -22,7 +22,6 @@ from wsim.model.stage import FREE, MET, PHASES, Clock, Method, Methods, Stage
 from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import LOOKS, constrain
-from wsim.physics.fused import fuser
 from wsim.scene import Scene
 from wsim.scene.check import counts
 from wsim.scene.methods import METHODS
@@ -184,8 +183,9 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     b = _chosen(model)
     b.reasons = {row.name: needed(row, b) for row in METHODS}
     model.module = _module(b) + ADJOINT * gradients
-    apart = fuser.wants(model, b.reasons, b.choice.solver)
-    model.fuser = None if apart else fuser.Fuser(model)
+    if model.fuses and b.choice.solver == "explicit":
+        from wsim.physics.fused.fuser import Fuser, apart
+        model.fuser = None if apart(model, b.reasons) else Fuser(model)
     if model.bodies:
         points = Part.allocate("points", _fields(b), model.points, real, device)
         points.rows = {(body.path, body.world): places(body) for body in model.bodies}

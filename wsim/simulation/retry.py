@@ -41,6 +41,9 @@ def begin(sim: Simulation) -> None:
         from wsim.simulation.varying import follow
         follow(sim)
     sim.plan.before_frame(sim.time)
+    for method in sim.plan.methods:
+        if method.moved:
+            sim.graph, method.moved = None, False
 
 
 def settle(sim: Simulation) -> None:

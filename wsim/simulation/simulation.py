@@ -225,8 +225,8 @@ class Simulation:
         keys); force or traction of a load (as actuation, or one (3,) for all times); static_friction, dynamic_friction of a
         body or a collider; thickness, restitution of a collider (where one throws back from the start); motion (rigid) of a pin
         or collider; positions, velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag,
-        mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target
-        of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities of a fluid; smoke,
+        mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target,
+        speed of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities of a fluid; smoke,
         temperature, expansion, strength, place of a source. Values are copied. Raises SceneError, with nothing changed, where
         a scene would not take it, and over `counts.MOST` substeps."""
         from wsim.simulation import live

@@ -44,13 +44,14 @@ class Settings:
             value = getattr(self, name)
             if value is not None and (not isinstance(value, int) or value < least):
                 wrong.append(Problem(name, f"found {value!r}; allowed is a whole number from {least}"))
-        known = {"frames": None, "solver": SOLVERS, "integrator": INTEGRATORS, "substeps": None, "iterations": None}
+        known: dict[str, tuple[str, ...] | None] = {"frames": None, "substeps": None, "iterations": None, "solver": SOLVERS,
+                                                    "integrator": INTEGRATORS}
         for name, value in self.changes.items():
-            allowed = known.get(name, ())
-            if allowed is None and not (isinstance(value, int) and isfinite(value) and value >= 1):
+            options = known.get(name, ())
+            if options is None and not (isinstance(value, int) and isfinite(value) and value >= 1):
                 wrong.append(Problem(name, f"found {value!r}; allowed is a whole number from 1"))
-            elif allowed is not None and value not in allowed:
-                there = f"allowed are {', '.join(allowed)}" if allowed else f"a sweep changes {', '.join(known)}"
+            elif options is not None and value not in options:
+                there = f"allowed are {', '.join(options)}" if options else f"a sweep changes {', '.join(known)}"
                 wrong.append(Problem(name, f"found {value!r}; {there}"))
         if wrong:
             raise SceneError(wrong)

@@ -10,6 +10,7 @@ disk before it is yielded. `wsim.sweep.folder` says what stands in the folder, `
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
@@ -44,8 +45,9 @@ def sweep(scene: str | os.PathLike | Scene, vary: str | Iterable[str], folder: s
 class Sweep:
     """A sweep that is checked and has its folder: `rows` runs it."""
 
-    def __init__(self, job: Job, draws: list[Draw], folder: Folder):
-        self.job, self.draws, self.folder = job, draws, folder
+    def __init__(self, job: Job, draws: list[Draw], folder: Folder, base: Scene):
+        """base: the scene as it is loaded."""
+        self.job, self.draws, self.folder, self.base = job, draws, folder, base
         self.said: Callable[[str], None] = lambda text: None          # called with what workers are
 
     @staticmethod
@@ -53,10 +55,7 @@ class Sweep:
                  settings: Settings | None = None, variants: dict | None = None) -> "Sweep":
         """See `sweep`; variants: of every run, as `wsim.load` takes them."""
         settings = settings or Settings()
-        if settings.remote and find_spec("ray") is None:
-            option = "--workers" if settings.address is None else "--address"
-            raise SceneError(Problem(option, "Ray is not installed; install it by: pip install \"wsim[sweep]\", or leave both "
-                                     "out: one process runs the same sweep"))
+        needed(settings)
         axes = drawn.axes([vary] if isinstance(vary, str) else list(vary))
         draws = [absolute(d) for d in (drawn.grid(axes) if latin is None else drawn.latin(axes, latin, seed))]
         path = os.path.abspath(os.fspath(folder))
@@ -68,7 +67,7 @@ class Sweep:
         if not isinstance(given, Scene) and os.path.commonpath([path, given]) == path:
             raise SceneError(Problem(path, "holds the scene itself; give another folder"))
         names = list(dict.fromkeys(name for d in draws for name in d))
-        return Sweep(job, draws, Folder(path, job.identity(draws, digest(base)), names, resume=resume))
+        return Sweep(job, draws, Folder(path, job.identity(draws, digest(base)), names, resume=resume), base)
 
     def rows(self, told: Callable[[int, int], None] | None = None) -> Iterator[Row]:
         """Rows as runs end; those that an earlier sweep left come first. The table is whole whenever this stops."""
@@ -96,10 +95,17 @@ class Sweep:
                     self.said(text)
                 yield from cluster.run(parts(runs, cluster.size, cluster.most))
             return
-        from wsim.sweep.worker import Worker
-        worker = Worker(self.job)
-        for part in parts(runs, 1, worker.most(worker.cases.scene())):
+        worker = import_module(self.job.runs).Worker(self.job)
+        for part in parts(runs, 1, worker.most(self.base)):
             yield worker.run(part)
+
+
+def needed(settings: Settings) -> None:
+    """Raises SceneError where workers are asked for and Ray is missing."""
+    if settings.remote and find_spec("ray") is None:
+        option = "--workers" if settings.address is None else "--address"
+        raise SceneError(Problem(option, "Ray is not installed; install it by: pip install \"wsim[sweep]\", or leave both out: "
+                                 "one process runs the same sweep"))
 
 
 def parts(runs: list[tuple[int, Draw]], workers: int, most: int) -> list[list[tuple[int, Draw]]]:

@@ -54,7 +54,7 @@ class Target:
         for row, thing in self.rows(scene):
             given = self._judged(row, getattr(thing, "path", "/"), value)
             if isinstance(thing, Scene):
-                own = given if self.axis is None else _with(getattr(thing, self.what), self.axis, given)
+                own: Any = given if self.axis is None else _with(getattr(thing, self.what), self.axis, given)
                 scene = replace(scene, **{self.what: own})
                 continue
             try:
@@ -69,6 +69,7 @@ class Target:
     def _judged(self, row: Value, path: str, value):
         """A number, or a vector where all of one is given."""
         vector = self.axis is None and row.form in ("vector", "curve")
+        numbers: tuple
         if vector and isinstance(value, tuple) and len(value) == 3:
             numbers = value
         elif not vector and isinstance(value, float):

@@ -150,6 +150,8 @@ OTHERS = (
     Entry("Fluid", "scalar_advection", WSIM_DOMAIN, "wsim:fluid:scalarAdvection", "token", uniform=True),
     Entry("Fluid", "pressure", WSIM_DOMAIN, "wsim:fluid:pressure", "token", uniform=True),
     Entry("Fluid", "steps", WSIM_DOMAIN, "wsim:fluid:steps", "int", uniform=True),
+    Entry("Fluid", "margin", WSIM_DOMAIN, "wsim:fluid:margin", "double", uniform=True),
+    Entry("Fluid", "conserve", WSIM_DOMAIN, "wsim:fluid:conserve", "bool", uniform=True),
     Entry("Fluid", "most_steps", WSIM_DOMAIN, "wsim:fluid:mostSteps", "int", uniform=True),
     Entry("Fluid", "velocity", WSIM_DOMAIN, "wsim:fluid:startVelocity", "vector3f[]", "m/s"),
     Entry("Fluid", "smoke", WSIM_DOMAIN, "wsim:fluid:startSmoke", "float[]"),

@@ -10,7 +10,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from wsim.scene import Cloth, Collider, Load, Pin, Problem, Scene, SceneError, Skin, Soft, Springs, Tie, Varying
 from wsim.scene.check.scene import check
 from wsim.scene.fabric import Fabric
-from wsim.scene.methods import every
+from wsim.scene.methods import every, owner
 from wsim.scene.solid import Bulk
 from wsim.scene.values import table
 from wsim.usd import names
@@ -25,6 +25,7 @@ from wsim.usd.result.atomic import replacing
 from wsim.usd.result.crate import PARTIAL
 from wsim.usd.settings import author_settings, author_varying_gravity
 from wsim.usd.stage import SUFFIXES, Reading, Units, reason
+from wsim.usd.transforms.splines import replace_samples
 
 
 def save(scene: Scene, path) -> None:
@@ -206,37 +207,46 @@ def _why(error: Exception, target: Path) -> str:
     return "no permission" if not os.access(target.parent, os.W_OK) else reason(error)
 
 
-# What varies in time, as samples of the attributes that a load makes curves of. Attributes of type float keep seven digits.
+# What varies in time, in the attributes that a load makes curves of: a number whose curve is a spline's as that spline, all
+# else as samples at the keys and, of what is not linear, at the middles of frames, whose values frames have. Attributes of type
+# float keep seven digits.
 
 def author_varying(stage: Usd.Stage, scene: Scene, settings: Usd.Prim, units: Units) -> None:
-    """Samples at the keys of every curve; the prims and their materials are there."""
+    """Splines and samples of every curve; the prims and their materials are there."""
     things = {thing.path: thing for thing in (*scene.bodies(), *scene.colliders, *(thing for _, thing in every(scene)))}
     for varying in scene.varying:
         times = varying.curve.times
         if varying.name == "stretch":                          # what is written follows Poisson's ratio too
             times = np.unique(np.concatenate([times, *(v.curve.times for v in _poisson(scene, varying.path))]))
+        if not varying.curve.plain:
+            times = np.unique(np.concatenate([times, (np.arange(scene.frames) + 0.5) / scene.fps]))
+        wrote: list = []
         for time in times.tolist():
             code, value = units.code(time), varying.curve.at(time)
             if varying.path != "/":
-                _of(Reading(stage, units), scene, things[varying.path], varying, value, time)
+                wrote = _of(Reading(stage, units), scene, things[varying.path], varying, value, time)
             elif varying.name == "gravity":
                 author_varying_gravity(settings, value, units, code)
             else:
-                author(settings, "Scene", varying.name, value, units, time=code)
+                wrote = [author(settings, "Scene", varying.name, value, units, time=code)]
+        if not varying.curve.plain and len(wrote) == 1:
+            replace_samples(wrote[0], varying.curve, units)
 
 
 def _poisson(scene: Scene, path: str) -> list[Varying]:
     return [v for v in scene.varying if (v.path, v.name) == (path, "poisson")]
 
 
-def _of(reading: Reading, scene: Scene, thing, varying: Varying, value, time: float) -> None:
+def _of(reading: Reading, scene: Scene, thing, varying: Varying, value, time: float) -> list[Usd.Attribute]:
+    """Writes a value at a time [s]; the attributes that have it."""
     prim, units, kind, name = reading.stage.GetPrimAtPath(thing.path), reading.units, type(thing), varying.name
     row = table.of(kind.__name__)[name]
+    if row.usd is None and (own := owner(kind.__name__)) and hasattr(own.role("usd"), "author_at"):
+        return own.role("usd").author_at(prim, thing, name, value, units, units.code(time))
     if row.usd is None or row.usd.schema not in table.MATERIALS:
-        author(prim, kind.__name__, name, value, units, time=units.code(time))
-        return
+        return [author(prim, kind.__name__, name, value, units, time=units.code(time))]
     through = None
     if kind is Cloth and name == "stretch":
         nu = [float(v.curve.at(time)) for v in _poisson(scene, thing.path)]
         through = plane_stress(nu[0] if nu else thing.material.poisson)
-    author(bound(reading, prim), HOLDERS[kind.__name__], name, value, units, through, units.code(time))
+    return [author(bound(reading, prim), HOLDERS[kind.__name__], name, value, units, through, units.code(time))]

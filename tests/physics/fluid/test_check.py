@@ -6,7 +6,8 @@ import pytest
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene import Motion, Scene
 from wsim.scene.check.scene import check
-from wsim.scene.solids import Sphere
+from wsim.scene.solids import Box, Sphere
+from wsim.simulation.simulation import Simulation
 
 ROOM = {"low": (0, 0, 0), "high": (1, 1, 1), "cell": 0.1}
 
@@ -27,6 +28,10 @@ def said(*things, wind=(0.0, 0.0, 0.0)) -> list[str]:
     ({"sides": ("open",) * 5}, "sides are"), ({"advection": "euler"}, "advection is 'euler'"),
     ({"smoke": np.zeros((3, 3, 3))}, "smoke at the start has shape (3, 3, 3)"), ({"most_steps": 0}, "most_steps is 0"),
     ({"velocity": np.full((10, 10, 10, 3), np.inf)}, "velocity holds NaN or infinity"),
+    ({"conserve": True}, "it conserves smoke, and air passes side -x, which is open"),
+    ({"conserve": True, "sides": ("closed",) * 6, "side_velocities": np.eye(6, 3)}, "air passes side -x, which is closed"),
+    ({"conserve": True, "sides": ("closed",) * 6, "scalar_advection": "linear"}, "smoke that is carried by linear"),
+    ({"margin": np.nan}, "margin is nan"), ({"margin": 0.5, "sides": ("closed",) * 6}, "no side is open"),
 ])
 def test_a_fluid_that_cannot_be_run_is_refused(more, words):
     assert any(p.startswith("error: /f: ") and words in p for p in said(Fluid("/f", **(ROOM | more))))
@@ -37,6 +42,7 @@ def test_a_fluid_that_cannot_be_run_is_refused(more, words):
     ({"tolerance": 1e-9}, "tolerance is 1e-09"),
     ({"sides": ("closed",) * 6, "side_velocities": np.eye(6, 3)}, "air comes in through closed sides"),
     ({"side_velocities": np.eye(6, 3)}, "side -x is open and has a velocity"),
+    ({"margin": 0.5, "velocity": np.ones((10, 10, 10, 3))}, "its air has a velocity at the start"),
 ])
 def test_a_fluid_that_is_seldom_meant_is_warned_of(more, words):
     found = said(Fluid("/f", **(ROOM | more)))
@@ -52,6 +58,18 @@ def test_a_fluid_that_is_seldom_meant_is_warned_of(more, words):
 def test_a_source_that_gives_nothing_is_told(more, kind, words):
     source = Source("/s", **({"shape": Sphere(0.1), "smoke": 1.0, "motion": Motion.at_place((0.5, 0.5, 0.5))} | more))
     assert any(p.startswith(f"{kind}: /s: ") and words in p for p in said(Fluid("/f", **ROOM), source))
+
+
+@pytest.mark.parametrize(("place", "filled"), [((0.5, 0.5, 0.5), True), ((0.5, 0.5, 5.0), False)])
+def test_an_obstacle_that_fills_the_box_is_warned_of_and_nothing_moves(place, filled):
+    scene = Scene(frames=2, fps=20.0, gravity=(0.0, -9.81, 0.0))
+    scene.add(Fluid("/f", (0, 0, 0), (1, 1, 0.125), 0.125))
+    scene.add(Source("/s", Sphere(0.2), smoke=1.0, temperature=100.0, motion=Motion.at_place((0.5, 0.5, 0.0))))
+    scene.collider("/block", Box((2.0, 2.0, 2.0)), at=place)
+    assert any("warning: /f: /block fills all of it" in str(p) for p in check(scene)) == filled
+    sim = Simulation(scene, device="cpu")
+    sim.run()
+    assert (sim.indicators()["fluid_speed"] == 0.0) == filled and np.isfinite(sim.indicators()["fluid_smoke"])
 
 
 def test_what_is_sound_is_not_complained_of():

@@ -34,7 +34,7 @@ def everything() -> tuple[Fluid, list[Source]]:
     still = Motion.still(moving.values[0])
     fluid = Fluid("/World/air", LOW, HIGH, 0.1, ("periodic", "periodic", "closed", "open", "wind", "wind"),
                   rng.normal(size=(6, 3)) * (np.arange(6) == 2)[:, None], False, True, 1.1, 0.01, 0.004, 0.3, 0.5, 0.1, 0.2,
-                  "cubic", "bfecc", "multigrid", 1e-5, 3.0, 7, 9,
+                  "cubic", "bfecc", "multigrid", 1e-5, 3.0, 7, 0.5, False, 9,
                   *(rng.random(n).astype(np.float32) for n in ((8, 8, 8, 3), (8, 8, 8), (8, 8, 8))))
     return fluid, [
         Source("/World/ball", Sphere(0.1), moving, "/World/air", 2.0, 30.0, True, (0.1, 0.0, -0.3), -0.5,
@@ -49,8 +49,9 @@ def test_a_fluid_and_its_sources_come_back_equal(tmp_path, ending):
     """Every field of theirs is another than its default."""
     fluid, sources = everything()
     plain = Fluid("/a", LOW, HIGH, 0.0)
-    for column in columns(Fluid)[3:]:
-        assert not np.array_equal(getattr(fluid, column.name), getattr(plain, column.name)), column.name
+    for column in columns(Fluid)[3:]:                        # conserve is on its own below: no wind, no bfecc
+        same = np.array_equal(getattr(fluid, column.name), getattr(plain, column.name))
+        assert not same or column.name == "conserve", column.name
     scene = scene_of(fluid, *sources)
     found = again(scene, tmp_path / f"s{ending}")
     assert found.things("Fluid") == [fluid] and found.things("Source") == sources and found == scene
@@ -179,6 +180,11 @@ def test_an_emitter_outside_and_an_animated_domain_are_warned_of(tmp_path):
     assert [p.text for p in check(scene) if p.path == "/World/ball" and "outside" in p.text]
 
 
+def test_a_fluid_that_conserves_comes_back_so(tmp_path):
+    fluid = Fluid("/World/air", LOW, HIGH, 0.1, ("closed",) * 6, conserve=True, smoke=np.ones((8, 8, 8), np.float32))
+    assert again(scene_of(fluid), tmp_path / "s.usda").things("Fluid") == [fluid]
+
+
 def test_a_misspelt_name_of_a_fluid_is_told(tmp_path):
     stage = authored(tmp_path / "s.usda")
     stage.GetPrimAtPath("/World/air").CreateAttribute("wsim:fluid:cellsize", Sdf.ValueTypeNames.Double).Set(3.0)
@@ -190,7 +196,7 @@ def test_fallbacks_and_tokens_of_the_schemas_are_those_of_the_objects():
     registry = Usd.SchemaRegistry()
     plain = {"Fluid": Fluid("/a", LOW, HIGH, 0.0, density=0.0), "Source": Source("/a", Sphere(1.0))}
     rows = [row for row in names.TABLE if row.owner in plain]
-    assert len(rows) == 22 + 6
+    assert len(rows) == 24 + 6
     for row in rows:
         attribute = registry.FindAppliedAPIPrimDefinition(row.schema).GetAttributeDefinition(row.attribute)
         value, wanted = attribute.GetFallbackValue(), getattr(plain[row.owner], row.field)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import wsim
-from wsim.physics.fused import fuser
+from wsim.model.launches import Launches
 from wsim.physics.fused.program import Numbers, phases
 from wsim.physics.fused.recorder import Recorder
 from wsim.scene import Motion, Plane, Scene, Sphere, shapes
@@ -60,7 +60,7 @@ SCENES = {"sheet": sheet, "blown": blown, "everything": everything, "cube": cube
 def run(scene: Scene, precision: str, monkeypatch, fused: bool, frames: int = 3):
     """Positions and velocities after some frames, and the simulation."""
     if fused:
-        monkeypatch.setattr(fuser, "wants", lambda *given: "")
+        monkeypatch.setattr(Launches, "fuses", True)
     sim = wsim.Simulation(scene, device="cpu", precision=precision)
     for _ in range(frames):
         sim.step()

@@ -4,6 +4,7 @@ pose), and the meshes that they move, which contacts search. Kernels: kernels/an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +42,7 @@ def signature(b: Build) -> list:
 class Bones(Method):
     """All skeletons of a scene, which worlds share."""
 
-    def __init__(self, model, skeletons: list[Skeleton], dressed: list[Skeleton]):
+    def __init__(self, model, skeletons: list[Skeleton], dressed: Sequence[Skeleton] = ()):
         """dressed: those that bodies drive and something follows."""
         super().__init__("bones")
         self.model, self.skeletons = model, list(skeletons)
@@ -50,7 +51,7 @@ class Bones(Method):
         self.at: tuple | None = None
         self.A: Any = None
         self.driven = [bones for bones in skeletons if bones.bodies]
-        self.followed = dressed
+        self.followed = list(dressed)
         self.dressed: Any = None                         # `wsim.physics.animation.dressed.Dressed`
         self.now = 0.0                                   # [s] where the last frame ended
         self.bodies: Any = None                          # the method of rigid bodies, where they drive joints

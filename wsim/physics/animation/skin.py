@@ -70,18 +70,22 @@ class Skin:
         self.linear, self.rigid = skin.method == LINEAR, rigid(skin)
         own = m if m <= kernels.UNROLLED else 0
         stretched = skin.skeleton.stretch is not None
-        form = f"linear_{own}_{stretched}" if self.linear else f"dual_{self.rigid}"
+        form = f"linear_{own}_{stretched}" if self.linear else f"dual_{own}_{self.rigid}_{stretched}"
         module = f"wsim_skin_{types(real).name}_{types(out).name}_{form}{'_shapes' * bool(skin.blends)}"
         dtype = np.float32 if real is wp.float32 else np.float64
         self.table = kernels.skins(real)()
         self.table.first = int(bones.tables.start[[s is skin.skeleton for s in bones.skeletons].index(True)])
-        self.table.joint = wp.array(skin.joints.T.astype(np.uint16).ravel(), dtype=wp.uint16, device=device)
-        self.table.weight = wp.array(skin.parts.T.astype(dtype).ravel(), dtype=real, device=device)
+        joints, weights = skin.joints, skin.parts
+        if not self.linear:                                            # the largest first
+            order = np.argsort(-weights, axis=1, kind="stable")
+            joints, weights = (np.take_along_axis(column, order, axis=1) for column in (joints, weights))
+        self.table.joint = wp.array(joints.T.astype(np.uint16).ravel(), dtype=wp.uint16, device=device)
+        self.table.weight = wp.array(weights.T.astype(dtype).ravel(), dtype=real, device=device)
         self.table.influences = m
         self.table.stretch = types(real).mat33(*(skin.skeleton.stretch if stretched else np.eye(3)).ravel().tolist())
         self.point = wp.array(skinning.bound(skin).astype(dtype)[None], dtype=types(real).vec3, device=device)
         self.kernel: Any = (kernels.linear(real, out, own, stretched, module) if self.linear
-                            else kernels.dual(real, out, self.rigid, module))
+                            else kernels.dual(real, out, own, self.rigid, stretched, module))
         self.part = None if self.linear else kernels.parted(real, self.rigid, module)
         self.shapes = Shapes(skin, real, module, device) if skin.blends else None
         self.duals: Any = None

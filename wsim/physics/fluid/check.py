@@ -26,6 +26,7 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
             wrong = True
     if not wrong and fluid.cell > 0.0:
         yield from _box(fluid)
+        yield from _filled(fluid, scene)
     yield from _sides(fluid)
     for name, found, allowed in (("advection", fluid.advection, ADVECTION),
                                  ("scalar_advection", fluid.scalar_advection, SCALARS),
@@ -37,6 +38,11 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
                     "multigrid or auto", "leave it on auto")
     yield from number(path, "steps", fluid.steps, 0)
     yield from number(path, "most_steps", fluid.most_steps, 1)
+    yield from number(path, "margin", fluid.margin, 0.0)
+    if fluid.margin > 0.0:
+        yield from _part(fluid)
+    if fluid.conserve:
+        yield from _kept(fluid)
     if 0 < fluid.tolerance < 1e-7:
         yield warning(path, f"tolerance is {fluid.tolerance:g}, which float32 does not reach", "1e-6 or more",
                       "give a larger one, or float64")
@@ -50,6 +56,38 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
         if not moved:
             yield warning(path, "nothing moves its air: no source, no wind, nothing at the start", "one of them",
                           "add a Source, or wind")
+
+
+def _part(fluid: Fluid) -> Iterator[Problem]:
+    path = fluid.path
+    if "open" not in [fluid.sides[2 * a + s] for a in fluid.axes for s in (0, 1)]:
+        yield error(path, "a part of its air is solved, and no side is open: what is sealed moves all at once", "margin 0",
+                    "open a side, or leave margin out")
+    if fluid.velocity is not None and np.any(fluid.velocity):
+        yield warning(path, "its air has a velocity at the start, and stays so but for a margin around smoke, heat and sources",
+                      "margin 0 where air moves elsewhere", "leave margin out")
+
+
+def _filled(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
+    """Convex obstacles that have all corners of its box within themselves at the start, and so all of it."""
+    corners = np.stack(np.meshgrid(*zip(fluid.low, fluid.high, strict=True), indexing="ij"), -1).reshape(8, 3)
+    for collider in scene.colliders:
+        frame = collider.motion.values[0]
+        if not isinstance(collider.shape, Surface) and np.isfinite(frame).all():
+            local = (corners - frame[:3, 3]) @ frame[:3, :3]
+            if (row(collider.shape).distance(collider.shape, local) < 0.0).all():
+                yield warning(fluid.path, f"{collider.path} fills all of it: there is no air", "obstacles that leave some",
+                              f"move {collider.path}, or the domain")
+
+
+def _kept(fluid: Fluid) -> Iterator[Problem]:
+    path, mend = fluid.path, "close the side, or leave conserve out"
+    if fluid.scalar_advection != "cubic":
+        yield error(path, f"it conserves smoke that is carried by {fluid.scalar_advection}", "cubic", "carry it by cubic")
+    for k, kind in enumerate(fluid.sides if len(fluid.sides) == 6 else ()):
+        if k // 2 in fluid.axes and (kind not in ("closed", "periodic") or fluid.side_velocities[k, k // 2] != 0.0):
+            yield error(path, f"it conserves smoke, and air passes side {SIDES[k]}, which is {kind}", "closed or periodic",
+                        mend)
 
 
 def _box(fluid: Fluid) -> Iterator[Problem]:

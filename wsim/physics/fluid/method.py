@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.fluid.grid import structs
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -65,13 +65,17 @@ class Fluids(Method):
         self.parts = self._parts(b)
         for name, count in WORDS.items():
             b.status.reserve(f"fluid: {name}", count * len(self.pairs))
+        if any(fluid.margin > 0.0 for fluid, _ in self.pairs):
+            b.status.reserve("fluid: reach", 6 * len(self.pairs))
+        self.windows: dict[int, Any] = {}
         self.domains = [self._domain(k) for k in range(len(self.pairs))]
         self.settled, self.recorded = False, None
         self.offers["fluids"] = self
         if b.model.gradients:
             for fluid in b.scene.things("Fluid"):
-                if fluid.layers:
-                    raise refuse("layers", fluid.path, name="layers")
+                for name in ("layers", "margin", "conserve"):
+                    if getattr(fluid, name):
+                        raise refuse(name, fluid.path, name=name)
             from wsim.physics.fluid.recorded import Recorded
             self.offers["recorded fluids"] = self.recorded = Recorded(self)
         cells = sum(layout.cells for layout in self.layouts)
@@ -119,39 +123,58 @@ class Fluids(Method):
         scalars = {name: self.field(k, name) for name in self.carried[k]}
         sources = reaching(fluid, self.scene)
         self.changed.append([{} for _ in sources])
-        domain = Domain(self.threads, fluid, world, self.scene.colliders, sources, u, scalars)
-        self._start(domain)
-        return domain
+        self._start(k, u, scalars)
+        if fluid.margin > 0.0:
+            from wsim.physics.fluid.window import Window
+            self.windows[k] = Window(self, k, sources)
+            return self.windows[k].domain
+        return Domain(self.threads, fluid, world, self.scene.colliders, sources, u, scalars)
 
-    def _start(self, domain: Domain) -> None:
-        fluid, layout, dtype = domain.fluid, domain.layout, self.model.dtype
+    def air(self, k: int) -> np.ndarray:
+        """Velocity of the air around fluid k where its sides let it in, along the grid's axes [m/s]."""
+        (fluid, world), layout = self.pairs[k], self.layouts[k]
         let_in = any(fluid.sides[2 * a + side] in ("open", "wind") for a in layout.axes for side in (0, 1))
-        air = self.wind[domain.world] if let_in else np.zeros(3)
+        return self.wind[world][list(layout.axes)] * let_in
+
+    def _start(self, k: int, u: Any, scalars: dict[str, wp.array]) -> None:
+        fluid, layout, dtype, air = self.pairs[k][0], self.layouts[k], self.model.dtype, self.air(k)
         for a, axis in enumerate(layout.axes):
-            centers = (np.full(layout.n, air[axis]) if fluid.velocity is None
+            centers = (np.full(layout.n, air[a]) if fluid.velocity is None
                        else np.asarray(fluid.velocity, np.float64).reshape(*fluid.shape, 3)[..., axis])
-            getattr(domain.u, AXES[a]).assign(layout.faced(centers, a).ravel().astype(dtype))
+            getattr(u, AXES[a]).assign(layout.faced(centers, a).ravel().astype(dtype))
         for name, given in (("smoke", fluid.smoke), ("heat", fluid.temperature)):
             if given is not None:
-                domain.scalars[name].assign(np.asarray(given, np.float64).ravel().astype(dtype))
+                scalars[name].assign(np.asarray(given, np.float64).ravel().astype(dtype))
 
     # frames
 
     def before_frame(self, time: float, clock: Clock) -> None:
+        for k, window in self.windows.items():
+            if window.follow(time, clock.dt):
+                self.domains[k], self.moved = window.domain, True
+                if self.settled:
+                    self._settle(k)
         if not self.settled:
-            for k, name in enumerate(WORDS):
-                for j, domain in enumerate(self.domains):
-                    count = list(WORDS.values())[k]
-                    domain.words[name] = self.status.word(f"fluid: {name}")[count * j:count * (j + 1)]
-            for domain, numbers in zip(self.domains, self.numbers, strict=True):
-                domain.blow(self.wind[domain.world], self.gravity[domain.world], numbers)
-                domain.settle()
+            for k in range(len(self.domains)):
+                self._settle(k)
             self.settled = True
         for domain in self.domains:
             if domain.obstacles and domain.obstacles.moving:
                 domain.obstacles.shapes.pose(time, clock.dt)
             if domain.sources:
                 domain.sources.pose(time, clock.dt)
+
+    def _settle(self, k: int) -> None:
+        domain = self.domains[k]
+        for name, count in WORDS.items():
+            domain.words[name] = self.status.word(f"fluid: {name}")[count * k:count * (k + 1)]
+        domain.blow(self.wind[domain.world], self.gravity[domain.world], self.numbers[k])
+        domain.settle()
+        if domain.sources:
+            domain.sources.upload(self.changed[k])
+
+    def retry(self, status: Status) -> list[Remedy]:
+        return [Remedy("grow", str) for window in self.windows.values() if window.lacks()]
 
     def advance(self, clock: Clock) -> None:
         more = max(1, clock.substeps // self.base)               # of a frame that is repeated with smaller steps
@@ -161,7 +184,7 @@ class Fluids(Method):
             if self.recorded and self.model.tape:
                 self.recorded.frame(k, clock, least, most)
             else:
-                domain.frame(clock.dt, least, most)
+                self.windows.get(k, domain).frame(clock.dt, least, most)
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         missed = status.said("fluid: missed")
@@ -191,7 +214,8 @@ class Fluids(Method):
         for k, domain in enumerate(self.domains):
             if domain.world == 0:
                 openings = domain.obstacles.openings() if domain.obstacles and self.settled else None
-                for name, value in measures(domain.fluid, self.layouts[k], self.arrays(k), openings).items():
+                arrays = self.windows[k].arrays() if k in self.windows else self.arrays(k)
+                for name, value in measures(domain.fluid, domain.layout, arrays, openings).items():
                     both = max if name in ("fluid_speed", "fluid_divergence") else sum
                     found[name] = both([found.get(name, 0.0), value])
         said = {name: self.status.said(f"fluid: {name}") for name in WORDS}
@@ -239,7 +263,7 @@ class Fluids(Method):
 def signature(b) -> list:
     """Part of the fluids that decides their kernels."""
     fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip, f.layers,
-                          f.viscosity > 0.0, f.vorticity > 0.0,
+                          f.margin > 0.0, f.conserve, f.viscosity > 0.0, f.vorticity > 0.0,
                           carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],
                           [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))
                          for f in b.scene.things("Fluid")]

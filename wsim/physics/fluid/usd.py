@@ -23,7 +23,8 @@ from wsim.usd.transforms.curves import author_curve, read_curve
 CELLS = 64                     # along the longest edge of a domain without a cell size
 BOX = "wsim:box"               # custom data of a domain: corners, in stage units
 TURNED = 1e-6                  # of the largest number of a transform's linear part that may be where 0 should be
-SETTINGS = ("sides", "side_velocities", "slip", "layers", "advection", "scalar_advection", "pressure", "steps", "most_steps")
+SETTINGS = ("sides", "side_velocities", "slip", "layers", "advection", "scalar_advection", "pressure", "steps", "margin",
+            "conserve", "most_steps")
 START = ("velocity", "smoke", "temperature")
 
 

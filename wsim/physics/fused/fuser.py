@@ -115,7 +115,7 @@ class Fuser:
 
     def module(self, shape: Shape) -> str:
         """Module of the kernel: apart from those that it is made of."""
-        name = f"{self.model.module}_fused_{shape.kind}{shape.blocks}"
+        name = f"{self.model.module}_fused_{shape.kind}{shape.blocks}x{shape.threads}"
         self.model.modules[name] = shape.threads
         return name
 
@@ -129,12 +129,9 @@ def _launch(step: list[Op]) -> None:
         op.launch()
 
 
-def wants(model: Model, reasons: dict[str, str], solver: str) -> str:
-    """Reason why the substeps of a plan are not fused, or "". reasons: of methods, as `wsim.simulation.methods.Build`."""
-    if not model.device.is_cuda:
-        return "on a CPU graphs replay launches at a tenth of the price"
-    if solver != "explicit":
-        return "steps are not explicit"
+def apart(model: Model, reasons: dict[str, str]) -> str:
+    """Reason why the substeps of explicit steps are not fused, or "". reasons: of methods, as `wsim.simulation.methods.Build`.
+    """
     if model.gradients:
         return "gradients are recorded launch by launch"
     if any(m.yield_strain < inf for soft in model.scene.softs for m in soft.materials):

@@ -51,10 +51,12 @@ class Rigid(Method):
         self.force, self.twist = (np.array([getattr(body, name) for body, _ in self.bodies]) for name in ("force", "torque"))
         self._allocate(b)
         self._begin(frames)
-        recorded = b.model.gradients and acting(scene)              # such bodies do not sleep
-        self.sleep = self._sleep(b) if sleeps(scene) and not recorded else None
+        self.sleep: Any = None
+        if sleeps(scene) and not (b.model.gradients and acting(scene)):          # what is recorded does not sleep
+            from wsim.physics.rigid.sleep import Sleep
+            self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
-        self.table, self.pushed = self._tables(), True
+        self.table = self.given = self._tables()
         self.offers = {"bodies": self}
         self.joints: Any = None
         if acting(scene):
@@ -97,10 +99,6 @@ class Rigid(Method):
         rate, phase = "substep" if self.recorded else "frame", "pose" if dressed(b.scene) else "predict"   # before followers
         self.stages.append(Stage("rigid bodies", phase, self.advance, launches, self.part.bytes, rate, what))
 
-    def _sleep(self, b) -> Any:
-        from wsim.physics.rigid.sleep import Sleep
-        return Sleep(b, self)
-
     def _begin(self, frames: np.ndarray) -> None:
         q = rotation.multiply(rotation.quaternion(frames[:, :3, :3]), np.array([m.axes for m in self.masses]))
         spin = np.array([body.spin for body, _ in self.bodies])
@@ -141,9 +139,14 @@ class Rigid(Method):
         table = filled(self.Bodies, w=m.upload((1.0 / mass).astype(dtype), real),
                        inverse=m.upload((1.0 / moments).astype(dtype), vec3),
                        **{name: m.upload(value.astype(dtype), real) for name, value in columns.items()})
-        table.push = m.upload(self._push().astype(dtype), vec3)
-        table.torque = m.upload(self.twist.astype(dtype), vec3)
+        table.push, table.torque = (m.upload(value.astype(dtype), vec3) for value in (self._push(), self.twist))
         return table
+
+    def lend(self) -> Any:
+        """The table without what fluids add to `table` in each frame."""
+        from wsim.physics.rigid.touch.lent import lent
+        self.given = lent(self) if self.given is self.table else self.given
+        return self.given
 
     def _push(self) -> np.ndarray:
         """Weight and force [N], (n, 3)."""
@@ -224,7 +227,7 @@ class Rigid(Method):
         self.put("L", self.momentum(q, spins))
         self.table.w.assign(np.array([1.0 / m.mass for m in self.masses], self.model.dtype))
         self.table.inverse.assign(np.array([1.0 / m.moments for m in self.masses], self.model.dtype))
-        self.table.push.assign(self._push().astype(self.model.dtype))
+        self.given.push.assign(self._push().astype(self.model.dtype))
         if self.joints:
             self.joints.weigh(self.masses)
 
@@ -242,15 +245,12 @@ class Rigid(Method):
 
     def indicators(self, x, v) -> dict[str, float]:
         """Kinetic energy and that in gravity [J] of all bodies of the first world, and what contacts say."""
-        first = np.array([world == 0 for _, world in self.bodies])
-        places = self.origin + self.get("x")
+        first, places = np.array([world == 0 for _, world in self.bodies]), self.origin + self.get("x")
         mass = np.array([m.mass for m in self.masses])
-        energy = 0.5 * (self.read("p") * self.velocities()).sum(1) + 0.5 * (self.read("L") * self.spins()).sum(1)
-        found = {"rigid_energy": float((energy - mass * (places @ self.gravity[0]))[first].sum())}
-        if self.contacts:
-            found |= self.contacts.indicators()
-        if self.touch:
-            found |= self.touch.indicators()
+        kinetic = 0.5 * ((self.read("p") * self.velocities()).sum(1) + (self.read("L") * self.spins()).sum(1))
+        found = {"rigid_energy": float((kinetic - mass * (places @ self.gravity[0]))[first].sum())}
+        for each in filter(None, (self.contacts, self.touch)):
+            found |= each.indicators()
         return found | (self.joints.indicators() if self.joints else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
@@ -259,25 +259,24 @@ class Rigid(Method):
             self.sleep.wake(None if path == "/" else hit)
         if path == "/" and name == "gravity":
             self.gravity[slice(None) if world is None else world] = value
-            self.table.push.assign(self._push().astype(self.model.dtype))
+            self.given.push.assign(self._push().astype(self.model.dtype))
             return True
-        if path == "/" or len(hit) == 0 or name not in LIVE:
+        if path == "/" or not len(hit) or name not in LIVE:
             return any([other.set(path, name, value, world) for other in (self.joints, self.contacts) if other])
         if name in ("velocity", "spin"):
             field = "p" if name == "velocity" else "L"
             now = self.get(field)
             q, every = self.turns(), np.tile(value, (len(now), 1))
-            wanted = np.array([m.mass for m in self.masses])[:, None] * every if field == "p" else self.momentum(q, every)
-            now[hit] = wanted[hit]
+            mass = np.array([m.mass for m in self.masses])[:, None]
+            now[hit] = (mass * every if field == "p" else self.momentum(q, every))[hit]
             self.put(field, now)
             return True
         if name in ("mass", "inertia"):
             self.weigh(hit, name, value)
             return True
-        rows = {"force": self.force, "torque": self.twist}.get(name)
-        if rows is not None:
+        if (rows := {"force": self.force, "torque": self.twist}.get(name)) is not None:
             rows[hit] = value
-            array, values = (self.table.push, self._push()) if name == "force" else (self.table.torque, rows)
+            array, values = (self.given.push, self._push()) if name == "force" else (self.given.torque, rows)
         else:
             array = getattr(self.table, name)
             values = array.numpy()

@@ -148,8 +148,8 @@ def acting(scene) -> list:
 
 
 def sleeps(scene) -> bool:
-    """True if something may sleep: not beside points, where others may wake it."""
-    return asked(scene) and not scene.bodies()
+    """True if something may sleep: not beside points and fluids, where others may wake it."""
+    return asked(scene) and not (scene.bodies() or scene.things("Liquid"))
 
 
 def asked(scene) -> bool:

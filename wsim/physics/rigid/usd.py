@@ -41,6 +41,12 @@ def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
     return found
 
 
+def author_at(prim: Usd.Prim, joint: Joint, name: str, value, units: Units, code: float) -> list[Usd.Attribute]:
+    """Writes a live value of a joint that varies in time, at a time code; the attributes that have it."""
+    from wsim.physics.rigid.joints import usd
+    return usd.author_at(prim, joint, name, value, units, code)
+
+
 def load(reading: Reading, prim: Usd.Prim) -> list:
     apis, found = applied(prim), list[Any]()
     if names.RIGID_BODY in apis:

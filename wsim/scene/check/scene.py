@@ -103,11 +103,11 @@ def _method(scene: Scene) -> Iterator[Problem]:
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
     if collides(scene) and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
-        found, allowed = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
+        said, others = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
         if scene.bodies() and carried(scene):            # bodies that touch points: `wsim.simulation.choice` takes BDF2
-            yield warning("/", f"{found} rigid bodies that points touch: bdf2 takes its place", allowed, "name one of them")
+            yield warning("/", f"{said} rigid bodies that points touch: bdf2 takes its place", others, "name one of them")
         else:
-            yield error("/", f"{found} colliders", allowed, "choose one of them")
+            yield error("/", f"{said} colliders", others, "choose one of them")
     if "auto" in (scene.solver, scene.integrator):
         return
     fits = [name for name, m in TABLE.items() if m.explicit == (scene.solver == "explicit")]

@@ -32,6 +32,8 @@ NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
     "shear": lambda thing, name, scene: "" if thing.model == "membrane" or (
         thing.material.shear > 0.0 and (thing.counts > 3).any()) else
     "the model 'springs' has shear in quads alone, and where it is not 0 at the start",
+    "driven": lambda thing, name, scene: "" if thing.enabled and thing.driven() else
+    "the joint has no drive, or is not enabled, so that nothing goes there",
     "bend": lambda thing, name, scene: "" if thing.material.bend else "it is 0 at the start, so that nothing bends against it",
 }
 
@@ -68,6 +70,8 @@ def varying(thing: Varying, scene: Scene) -> Iterator[Problem]:
     values, owner = np.asarray(thing.curve.values), named(scene, thing.path)
     row = table.of(type(owner).__name__)[thing.name]
     shape = (3,) if row.form == "vector" else ()
+    if hasattr(owner, "driven") and len(owner.driven()) > 1:               # a joint: a number for each of its drives
+        shape = (len(owner.driven()),)
     if thing.name == "stiffness" and isinstance(owner, Springs):
         shape = values.shape[1:] if values.shape[1:] in ((1,), (len(owner.edges),)) else shape
     if values.shape[1:] != shape or values.dtype.kind not in "fiu" or not np.isfinite(values).all():

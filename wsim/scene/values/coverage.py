@@ -218,6 +218,10 @@ REFUSED: dict[str, Refused] = {
                        "no velocity with a derivative"),
     "layers": Refused("layers along the walls of a fluid", "resolves layers along its walls, which has no derivative; leave "
                       "its {name} False"),
+    "margin": Refused("the part of a fluid that follows its smoke", "solves a part of its air alone, which has no derivative "
+                      "where that changes; leave its {name} 0"),
+    "conserve": Refused("smoke that keeps its sum", "keeps the sum of what its air carries, which has no derivative; leave its "
+                        "{name} False"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "

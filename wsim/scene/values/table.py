@@ -102,7 +102,8 @@ VALUES: list[Value] = [
       for kind in ("static", "dynamic")),
     Value("Body", "restitution", "1", Range(high=1.0, closed=True), fit=Theta("bounded", 0.0, 1.0), gradient="body"),
     *(Value("Joint", name, unit, fit=LOG, gradient="body") for name, unit in (("stiffness", "N/m"), ("damping", "N s/m"))),
-    Value("Joint", "target", "m", ANY, fit=PLAIN, gradient="body"),
+    Value("Joint", "target", "m", ANY, varies=True, needs=("driven",), fit=PLAIN, gradient="body"),
+    Value("Joint", "speed", "m/s", ANY, varies=True, needs=("driven",), why="no recording knows it yet; take target"),
     Value("Body", "density", "kg/m^3", POSITIVE, live=False, why=f"{FIXED}; take mass"),
 
     *(Value("Fluid", name, unit, ANY, usd=Usd(DOMAIN, f"wsim:fluid:{name}"), fit=Theta("plain", high=high), gradient="fluid")

@@ -18,6 +18,7 @@ TS: Any = Ts                              # its stubs lack names
 FORMS = {TS.InterpCurve: "curve", TS.InterpLinear: "linear", TS.InterpHeld: "hold"}
 SIDES = {TS.ExtrapHeld: "held", TS.ExtrapLinear: "linear", TS.ExtrapLoopRepeat: "repeat", TS.ExtrapLoopReset: "reset",
          TS.ExtrapLoopOscillate: "oscillate"}
+ROUNDED = 1e-6                            # of the largest value, how far samples of a curve may lie from it: floats are rounded
 TYPES = {"double": "double", "float": "float", "half": "half"}
 
 
@@ -131,4 +132,22 @@ def author_spline(attribute: Usd.Attribute, curve: Curve, units: Units, factor: 
     return spline is not None and bool(attribute.SetSpline(spline))
 
 
-
+def replace_samples(attribute: Usd.Attribute, curve: Curve, units: Units) -> bool:
+    """Writes a curve of numbers as a spline in the place of its samples, which may have another unit; False, and they stay,
+    where it is none, or they are not the curve times a number."""
+    if curve.values.ndim != 1 or not curve.values.any():
+        return False
+    codes = attribute.GetTimeSamples()
+    given, found = np.array([float(attribute.Get(code)) for code in codes]), curve.sampled(units.time(np.array(codes)))
+    factor = float(given @ found / max(given @ given, 1e-300))
+    if not factor or np.abs(factor * given - found).max() > ROUNDED * np.abs(found).max():
+        return False
+    default = attribute.Get()
+    attribute.Clear()
+    if default is not None:
+        attribute.Set(default)
+    if author_spline(attribute, curve, units, factor):
+        return True
+    for code, value in zip(codes, given.tolist(), strict=True):
+        attribute.Set(value, code)
+    return False

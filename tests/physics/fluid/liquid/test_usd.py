@@ -14,7 +14,6 @@ from wsim.physics.fluid.liquid.objects import Liquid
 from wsim.scene import Motion, Scene, SceneError
 from wsim.scene.check.scene import check
 from wsim.scene.curve import Curve
-from wsim.scene.solids import Sphere
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load, names, save
 
@@ -118,14 +117,6 @@ def test_what_is_wrong_is_said_by_path(change, words):
     assert not wrong(scene)
     change(scene)
     assert words in wrong(scene)
-
-
-def test_what_it_does_not_meet_is_named():
-    from wsim.physics.rigid.objects import Body
-    from wsim.scene import Collider
-    scene = tank((16, 16, 16), [(0, 0, 0), (0.25, 0.25, 0.5)])
-    scene.add(Body("/ball", colliders=[Collider("/ball", Sphere(0.1))]))
-    assert "/tank: /ball passes through it" in wrong(scene)
 
 
 def test_too_many_particles_are_refused_with_the_cells_that_fit(monkeypatch):

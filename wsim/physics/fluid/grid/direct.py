@@ -61,7 +61,7 @@ class Direct:
         some = [n - n // 2 if by else n for n, by in zip(layout.n, folded, strict=True)]
         self.corner = [wp.vec3i(*layout.n), wp.vec3i(*some), wp.vec3i(*folded)]
         self.some = prod(some)
-        self.folds = kernels.fold(dim, real, threads.module) if any(folded) else None
+        self.folds, self.folded = kernels.fold(dim, real, threads.module), any(folded)
 
     def along(self, axis: int, back: bool, x: wp.array, y: wp.array) -> None:
         """y = Q^T x along an axis, along the last one over the eigenvalues; back: Q x."""
@@ -81,7 +81,7 @@ class Direct:
         """x becomes A^-1 b."""
         dim, (one, two) = self.layout.dim, self.work
         now = self.b
-        if self.folds:
+        if self.folded:
             self.fold(now, two)
             now = two
         for back in (False, True):
@@ -89,10 +89,10 @@ class Direct:
                 out = self.x if back and a == dim - 1 else two if now is one else one
                 self.along(a, back, now, out)
                 now = out
-        if self.folds:
+        if self.folded:
             self.fold(now, now)
 
     @property
     def launches(self) -> int:
         """Number of launches of a cycle."""
-        return 2 * self.layout.dim + 2 * bool(self.folds)
+        return 2 * self.layout.dim + 2 * self.folded

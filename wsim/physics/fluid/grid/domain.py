@@ -96,8 +96,12 @@ class Domain:
                       for name in (self.scalars if self.sources is None else ())}
 
     def _tiles(self) -> Tiles:
-        return Tiles(self.threads, self.layout, self.grid, self.fluid.scalar_advection, list(self.scalars.values()),
-                     self.fastest, [self.work["p"], self.work["z"]])
+        make = Tiles
+        if self.fluid.conserve:
+            from wsim.physics.fluid.grid.conserve import Conserved
+            make = Conserved
+        return make(self.threads, self.layout, self.grid, self.fluid.scalar_advection, list(self.scalars.values()),
+                    self.fastest, [self.work[name] for name in "pzdw"])
 
     def _grid(self) -> Any:
         layout, model = self.layout, self.threads.model

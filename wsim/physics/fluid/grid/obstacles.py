@@ -29,7 +29,9 @@ class Obstacles:
         self.phi = threads.zeros(prod(layout.nodes()))
         self.nodes = kernels.nodes(dim, shapes.kinds, real, module)
         self.faces = [kernels.faces(dim, a, real, module) for a in range(dim)]
-        self.covers = [kernels.covers(dim, a, shapes.kinds, real, module) for a in range(dim)] if self.moving else []
+        axes = range(dim if self.moving else 0)
+        self.covers = [kernels.covers(dim, a, shapes.kinds, shapes.bodies, real, module) for a in axes]
+        self.body = [threads.zeros(n, int) for n in sizes] if shapes.bodies else [None] * dim       # of each face; -1: none's
 
     def update(self) -> None:
         """Moves the obstacles to where they are at the end of the step."""
@@ -40,7 +42,7 @@ class Obstacles:
             self.threads.over(kernel, out.size, [self.grid, shape, self.phi], [out])
         for a, kernel in enumerate(self.covers):
             out = getattr(self.solid, AXES[a])
-            self.threads.over(kernel, out.size, [self.grid, self.shapes.table, self.clock], [out])
+            self.threads.over(kernel, out.size, [self.grid, self.shapes.table, self.clock], [out, self.body[a]])
 
     def openings(self) -> list[np.ndarray]:
         """Open parts of the faces of each axis now, on the host."""

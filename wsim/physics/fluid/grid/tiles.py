@@ -12,7 +12,7 @@ from wsim.physics.fluid.grid.transport import THIRD
 
 
 class Tiles:
-    """scalars: one or two arrays of the state. fastest: kernel of the greatest |u|. work: as many for what is carried."""
+    """scalars: one or two arrays of the state. fastest: kernel of the greatest |u|. work: four for what is carried."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, scheme: str, scalars: list[wp.array], fastest: Any,
                  work: list[wp.array]):
@@ -20,29 +20,37 @@ class Tiles:
         self.threads, self.layout, self.grid, self.fastest = threads, layout, grid, fastest
         both = len(scalars) == 2
         self.now = [scalars[0], scalars[1] if both else None]
-        self.new = [work[0][:layout.cells], work[1][:layout.cells] if both else None]
+        self.new, self.less = ([a[:layout.cells], b[:layout.cells] if both else None] for a, b in (work[:2], work[2:]))
         self.count = prod(kernels.shape(layout.n))
         self.holds, self.near = (threads.zeros(self.count, int) for _ in range(2))
         self.speed = threads.zeros(1)
-        self.mark_kernel, self.near_kernel = kernels.mark(dim, real, module), kernels.near(dim, real, module)
+        self.mark_kernel, self.near_kernel = kernels.mark(dim, both, real, module), kernels.near(dim, real, module)
+        self.scheme, self.pairs = scheme, False
+        self._kernels(scheme, both)
+
+    def _kernels(self, scheme: str, both: bool) -> None:
+        real, module, dim = self.threads.model.real, self.threads.module, self.layout.dim
         self.carry_kernel = kernels.carry(dim, scheme, THIRD[scheme], both, real, module)
         self.keep_kernel = kernels.keep(dim, both, real, module)
-        self.scheme, self.pairs, self.launches = scheme, False, 6
+        self.launches = 6
 
     def mark(self) -> None:
         """Finds the tiles that hold some, of whatever has been put into the scalars."""
         self.holds.zero_()
-        for q in self.now:
-            if q is not None:
-                self.threads.over(self.mark_kernel, self.layout.cells, [self.grid, q], [self.holds])
+        self.threads.over(self.mark_kernel, self.layout.cells, [self.grid, *self.now], [self.holds])
 
-    def carry(self, u: Any, clock: wp.array) -> None:
-        """The scalars followed back along u over a step."""
-        threads, cells = self.threads, self.layout.cells
+    def approach(self, u: Any, clock: wp.array) -> None:
+        """Finds the tiles that are near, where u carries over a step."""
+        threads = self.threads
         blocks = threads.blocks(max(u.x.size, u.y.size, u.z.size if self.layout.dim == 3 else 0))
         self.speed.zero_()
         threads.sum(self.fastest, blocks, [u, blocks * (BLOCK if threads.cuda else 1)], [self.speed])
         threads.over(self.near_kernel, self.count, [self.grid, self.holds, self.speed, clock], [self.near])
+
+    def carry(self, u: Any, clock: wp.array) -> None:
+        """The scalars followed back along u over a step."""
+        threads, cells = self.threads, self.layout.cells
+        self.approach(u, clock)
         threads.over(self.carry_kernel, cells, [self.grid, u, *self.now, clock, self.near], self.new)
         self.holds.zero_()
         threads.over(self.keep_kernel, cells, [self.grid, self.near, *self.new], [self.holds, *self.now])

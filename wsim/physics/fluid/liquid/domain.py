@@ -12,9 +12,12 @@ import warp as wp
 
 from wsim.kernels.fluid import pressure, steps
 from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.pressure import FREE
 from wsim.kernels.math.real import types
 from wsim.kernels.particles import extend, fill, motion, transfers
 from wsim.kernels.particles.gravity import pull
+from wsim.kernels.particles.sides import keep
+from wsim.kernels.particles.wet import wet
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
@@ -22,6 +25,7 @@ from wsim.physics.fluid.grid.obstacles import Obstacles
 from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.liquid.flow import Flow
+from wsim.physics.fluid.liquid.measure import free
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid
 from wsim.physics.fluid.liquid.order import Order
 from wsim.physics.fluid.liquid.surface import Surface
@@ -30,31 +34,36 @@ SPREAD = 1e-2            # tolerance of the displacement: what it leaves the nex
 WAVE = 0.5               # [rad] of the shortest wave of the surface in a step: pressure is of the surface as the step began, so
                          # that at 1.3 noise grows 4 times a step, at 0.6 slowly, and at 0.33 it dies out
 GIVEN = 0.5              # cells that what a source gives may cross in a step
+HOLES = 3                # cells that a hole beside a body may be wide
 MARGIN = 2               # layers of faces beyond those that a particle may cross
 THREADS = 1 << 14        # that look for the fastest particle
 
 
 class Domain:
-    """particles: `Particles` of the state, of so many rows. words: of the frame's status: solves, missed, steps, room."""
+    """particles: `Particles` of the state. afloat: makes what moves the bodies among the obstacles, of this and them.
+    words: of the frame's status: solves, missed, steps, room."""
 
-    def __init__(self, threads: Threads, liquid: Liquid, world: int, obstacles: list, sources: list, particles: Any, room: int,
-                 numbers: wp.array):
+    def __init__(self, threads: Threads, liquid: Liquid, world: int, obstacles: list, sources: list, particles: Any,
+                 numbers: wp.array, afloat: Any = None):
         self.threads, self.liquid, self.world, self.layout = threads, liquid, world, Layout.of(liquid)
         self.particles, self.words = particles, {}
         layout, real, module, dim = self.layout, threads.model.real, threads.module, self.layout.dim
         self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
         self.speed, self.more, self.wave, self.gravity = (threads.zeros(n) for n in (1, 1, 1, 3))
         self.grid = self._grid()
-        self.obstacles = (Obstacles(threads, layout, self.grid, Shapes(threads.model, obstacles, liquid.low, layout.axes,
+        self.obstacles: Any = (Obstacles(threads, layout, self.grid, Shapes(threads.model, obstacles, liquid.low, layout.axes,
                                                                        liquid.cell, True), self.clock) if obstacles else None)
         self.sizes = [prod(layout.faces(a)) for a in range(dim)]
         self.u, self.d = self.faces(), self.faces()
         self.before = self.faces() if liquid.transfer == "flip" else filled(structs(real).Faces)
         self.mass, self.known = ([threads.zeros(n, dtype) for n in self.sizes] for dtype in (real, int))
         self.phi, self.full = threads.zeros(layout.cells), threads.zeros(layout.cells)
-        self.order = Order(threads, layout, self.grid, liquid.transfer == "apic", room)
+        self.order = Order(threads, layout, self.grid, liquid.transfer == "apic", particles.id.shape[0])
         self.flow = Flow(threads, layout, self.grid, liquid, sources, self.order, numbers) if sources else None
+        self.floating: Any = afloat(self, self.obstacles) if afloat else None
         self.surface = Surface(threads, layout, self.grid, self.obstacles, self.phi, self.full, self.words)
+        if self.floating:
+            self.floating.mark_by(FREE)
         self._kernels(dim, real, module)
 
     def _kernels(self, dim: int, real: Any, module: str) -> None:
@@ -62,10 +71,13 @@ class Domain:
         self.to_faces = transfers.to_faces(dim, affine, real, module)
         self.to_particles = transfers.to_particles(dim, self.liquid.transfer, real, module)
         self.fill = fill.fill(dim, some, real, module)
+        self.wet = wet(dim, real, module) if self.floating else None
         self.pull = pull(real, module)
         self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
         self.extend = extend.extend(dim, real, module)
         self.move = motion.move(dim, some, real, module)
+        met = self.obstacles.shapes.kinds if some else ()
+        self.keep = keep(dim, met, real, module) if {"sheet", "forming"} <= set(met) else None
         self.fastest = motion.fastest(real, module)
         self.begin, self.next = steps.begin(real, module), steps.next(real, module)
 
@@ -104,12 +116,17 @@ class Domain:
         """Number of launches of a step whose pressure takes one iteration."""
         dim, volume = self.layout.dim, self.liquid.volume
         return (self.order.launches + (5 + self.layers) * dim + self.surface.launches + 5
-                + volume * (self.surface.launches + self.layers * dim))
+                + volume * (self.surface.launches + self.layers * dim) + (self.floating.launches if self.floating else 0))
 
     @property
     def layers(self) -> int:
         """Number of layers of faces beyond the liquid that velocities are extended to."""
         return ceil(self.liquid.cfl) + MARGIN
+
+    @property
+    def free(self) -> Any:
+        """Part of each cell that bodies and other obstacles leave now; 1 where no body is."""
+        return free(self.obstacles.phi.numpy().reshape(self.layout.nodes()), self.liquid.cell) if self.floating else 1.0
 
     # a frame
 
@@ -124,12 +141,18 @@ class Domain:
         self.done.zero_()
         count = min(self.order.room, THREADS if threads.cuda else 1)
         threads.over(self.fastest, count, [self.particles, count, self.more], [self.speed])
+        if self.floating:
+            self.floating.take(self.speed)
         threads.over(self.begin, 1, [self.speed, threads.model.real(dt), threads.model.real(liquid.cfl * liquid.cell), least,
                                      most], [self.clock, self.going, self.words["steps"]])
         wp.capture_while(self.going, self._step)
+        if self.floating:
+            self.floating.give(self.clock)
 
     def _step(self) -> None:
-        o, threads = self.obstacles, self.threads
+        o, threads, floating = self.obstacles, self.threads, self.floating
+        if floating:
+            floating.swim(self.clock)
         if o and o.moving:
             o.update()
         if self.flow:
@@ -138,7 +161,9 @@ class Domain:
             self.order.sort(self.particles)
         self._to_grid()
         self.surface.refresh()
-        self.surface.project(self.u, self.known, self.liquid.tolerance)
+        self.surface.project(self.u, self.known, self.liquid.tolerance, floating, (self.gravity, self.clock))
+        if floating:
+            floating.go(self.clock)
         self._extend(self.u)
         inputs = [self.grid, self.u, self.before, threads.model.real(self.liquid.flip), self.particles]
         threads.over(self.to_particles, self.order.room, inputs, [self.particles])
@@ -147,8 +172,13 @@ class Domain:
                 getattr(self.d, AXES[a]).zero_()
             self.surface.spread(self.d, self.known, SPREAD)
             self._extend(self.d)
+        if self.keep:
+            wp.copy(self.order.aside.x, self.particles.x)
         inputs = [self.grid, self.u, self.d, self.clock, self._nodes(), o.phi if o else None, self.particles]
         threads.over(self.move, self.order.room, inputs, [self.particles])
+        if self.keep:
+            inputs = [self.grid, o.shapes.table, self.clock, self.order.aside.x, self.particles]
+            threads.over(self.keep, self.order.room, inputs, [self.particles.x])
         threads.over(self.next, 1, [self.done], [self.clock, self.going])
 
     def _nodes(self) -> Any:
@@ -169,6 +199,9 @@ class Domain:
         rest = self.threads.model.real(float(ACROSS ** self.layout.dim))
         over(self.fill, self.layout.cells, [self.grid, self.particles, self.order.cells, rest, self._nodes(),
                                             o.phi if o else None], [self.full, self.phi])
+        for _ in range(HOLES if self.wet else 0):
+            wp.copy(self.floating.q, self.phi)
+            over(self.wet, self.layout.cells, [self.grid, self._nodes(), o.phi, o.open, self.floating.q], [self.phi])
 
     def _extend(self, u: Any) -> None:
         for a in range(self.layout.dim):

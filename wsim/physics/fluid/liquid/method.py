@@ -18,6 +18,7 @@ from wsim.physics.fluid.liquid.domain import Domain
 from wsim.physics.fluid.liquid.measure import measures, sample
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
 from wsim.physics.fluid.liquid.seeds import filling, seeds
+from wsim.physics.fluid.shells import sheets, shells
 from wsim.scene.samples import Sample
 
 FIELDS = (Field("x", "m", True, "from the low corner, along the axes of the grid"), Field("v", "m/s", True, "velocity"))
@@ -41,7 +42,8 @@ class Liquids(Method):
 
     def __init__(self, b):
         super().__init__("liquid")
-        self.model, self.scene, self.status, self.base = b.model, b.scene, b.status, b.clock.substeps
+        self.model, self.scene, self.status, self.state, self.base = b.model, b.scene, b.status, b.state, b.clock.substeps
+        self.rigid = b.methods.find("bodies") if shells(b.scene) else None
         liquids = b.scene.things("Liquid")
         self.pairs = [(liquid, world) for world in range(b.model.worlds) for liquid in liquids]
         memory.refuse([liquid for liquid, _ in self.pairs], b)
@@ -60,7 +62,8 @@ class Liquids(Method):
         self.settled = False
         count = sum(part.count for part in self.parts)
         cells = sum(liquid.cells for liquid, _ in self.pairs)
-        self.stages.append(Stage("liquids", "predict", self.advance, sum(d.launches for d in self.domains),
+        phase = "pose" if self.rigid else "predict"                 # before that of the bodies
+        self.stages.append(Stage("liquids", phase, self.advance, sum(d.launches for d in self.domains),
                                  sum(p.bytes for p in self.parts), "frame", f"{count} particles, {cells} cells, "
                                  f"{', '.join(sorted({liquid.transfer for liquid, _ in self.pairs}))}"))
 
@@ -89,8 +92,17 @@ class Liquids(Method):
 
     def _domain(self, k: int) -> Domain:
         liquid, world = self.pairs[k]
-        return Domain(self.threads, liquid, world, self.scene.colliders, acting(liquid, self.scene), self._particles(k),
-                      self.parts[k].capacity, self.numbers[k].arrays["numbers"])
+        obstacles = [*self.scene.colliders, *shells(self.scene), *sheets(self.model, world)]
+        domain = Domain(self.threads, liquid, world, obstacles, acting(liquid, self.scene), self._particles(k),
+                      self.numbers[k].arrays["numbers"], self._afloat if self.rigid else None)
+        if domain.obstacles:
+            domain.obstacles.shapes.state = self.state
+        return domain
+
+    def _afloat(self, domain: Domain, obstacles: Any) -> Any:
+        """The bodies of a domain."""
+        from wsim.physics.fluid.grid.floating import Floating
+        return Floating(self.threads, domain.layout, domain.grid, obstacles, self.rigid, domain.world, domain.liquid.density)
 
     # frames
 
@@ -169,7 +181,8 @@ class Liquids(Method):
         for k, domain in enumerate(self.domains):
             if domain.world == 0:
                 phi = domain.phi.numpy() if self.settled else None
-                for name, value in measures(domain.liquid, self.particles(k), self.gravity[0], phi).items():
+                of = (domain.liquid, self.particles(k), self.gravity[0], phi, domain.free if self.settled else 1.0)
+                for name, value in measures(*of).items():
                     found[name] = max(found.get(name, 0.0), value) if name == "liquid_speed" else found.get(name, 0.0) + value
         said = {name: self.status.said(f"liquid: {name}") for name in WORDS}
         return found | {"liquid_iterations": float(said["solves"][1::2].max()), "liquid_steps": float(said["steps"].max())}
@@ -186,5 +199,6 @@ def signature(b) -> list:
     liquids = [(len(x.axes), x.transfer, x.volume, kinds(acting(x, b.scene)), sorted({s.role for s in acting(x, b.scene)}),
                 [side == "open" for side in x.sides], [side == "periodic" for side in x.sides])
                for x in b.scene.things("Liquid")]
-    moved = any(c.motion.moves for c in b.scene.colliders)
-    return [sorted({str(x) for x in liquids}), kinds(b.scene.colliders), moved]
+    moved, own = any(c.motion.moves for c in b.scene.colliders), shells(b.scene)
+    met = kinds([*b.scene.colliders, *own, *sheets(b.model)])
+    return [sorted({str(x) for x in liquids}), met, moved, *["bodies"] * bool(own)]

@@ -6,6 +6,7 @@ import numpy as np
 
 from wsim.geometry.triangulate import triangulate
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid, LiquidSource
+from wsim.physics.fluid.shells import shells
 from wsim.scene import Scene, Surface
 from wsim.scene.solids import row
 
@@ -52,7 +53,7 @@ def places(liquid: Liquid, scene: Scene, count: tuple[int, ...]) -> Iterator[tup
             inside = within(source, first, edge, low, high)
             v[inside] = 0.0 if source.velocity is None else source.velocity
             full |= inside
-        for collider in scene.colliders:
+        for collider in (*scene.colliders, *shells(scene)):
             if full.any():
                 full &= ~within(collider, first, edge, low, high)
         index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1)

@@ -18,6 +18,8 @@ from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
 from wsim.physics.fluid.grid.pressure import Conjugate
 from wsim.physics.fluid.grid.threads import Threads
 
+AGAIN = 1e-2             # tolerance of the second solve with bodies, whose pressure is a hundredth to a tenth of the first
+
 
 class Surface:
     """obstacles: `wsim.physics.fluid.grid.obstacles.Obstacles`, or None. phi, fill: of the cells. words: of the status."""
@@ -63,11 +65,18 @@ class Surface:
             self.threads.over(self.ground, n, [self.air, self.phi], [self.own])
         self.multigrid.refresh()
 
-    def project(self, u: Any, known: list[wp.array], tolerance: float) -> None:
-        """Takes the divergence off u; known: faces of liquid."""
+    def project(self, u: Any, known: list[wp.array], tolerance: float, bodies: Any = None, pull: tuple = ()) -> None:
+        """Takes the divergence off u, and moves bodies (`Floating`); known: faces of liquid; pull:
+        gravity and clock."""
+        if bodies:
+            bodies.begin(self.multigrid.grids[0].table, self.phi, *pull)
         self.threads.over(self.outflow, self.layout.cells, [self.grid, u, self.open, self.solid, self.phi,
                                                             self.multigrid.grids[0].table], [self.r])
-        self._solve(tolerance)
+        self._solve(tolerance, bodies)
+        if bodies:
+            bodies.lean(self.p, self.phi, self.r)
+            self._solve(AGAIN, bodies)
+            bodies.push(self.p)
         self._push(self.push_kernel, u, known)
 
     def spread(self, d: Any, known: list[wp.array], tolerance: float) -> None:
@@ -84,20 +93,23 @@ class Surface:
             self.threads.over(kernel, out.size, [self.grid, a, self.multigrid.grids[0].table, self.p, self.phi, both],
                               [out, known[a]])
 
-    def _solve(self, tolerance: float) -> None:
+    def _solve(self, tolerance: float, bodies: Any = None) -> None:
         self.tolerance = tolerance
         self.p.zero_()
         self.solver.sum(self.r, self.r)
         self.solver.conclude(START, tolerance)
-        wp.capture_while(self.solver.going, self._iterate)
+        wp.capture_while(self.solver.going, self._iterate, bodies=bodies)
 
-    def _iterate(self) -> None:
+    def _iterate(self, bodies: Any) -> None:
         s, threads, table = self.solver, self.threads, self.multigrid.grids[0].table
         self.multigrid.cycle()                                 # of r into z
         s.sum(self.r, self.z)
         s.conclude(TURN)
         threads.over(s.turn, self.layout.cells, [s.numbers, self.z], [self.d])
         threads.sum(self.multiply, s.parts, [table, self.d], [self.w, s.part])
+        if bodies:
+            bodies.add(self.d, self.w)
+            s.sum(self.d, self.w)
         s.step(self.p, self.r, self.d, self.w)
         s.conclude(CHECK, self.tolerance)
 

@@ -24,7 +24,7 @@ from wsim.scene.curve import Motion
 SHIFTS, TURNS = ("transX", "transY", "transZ"), ("rotX", "rotY", "rotZ")
 AXES = (*SHIFTS, *TURNS)
 DISTANCE = "distance"
-LIVE = ("stiffness", "damping", "target")             # of drives
+LIVE = ("stiffness", "damping", "target")             # of drives, with derivatives
 LOCKED = (0.0, 0.0)
 
 
@@ -99,7 +99,8 @@ class Joint(Compared):
         return [name for name in (*AXES, DISTANCE) if name in self.drives]
 
     def taken(self, name: str) -> float | np.ndarray | None:
-        """stiffness, damping or target of its drives, in the order of `driven`: a number where there is one; None: no drive."""
+        """stiffness, damping, target or speed of its drives, in the order of `driven`: a number where there is one;
+        None: no drive."""
         found = np.array([getattr(self.drives[axis], name) for axis in self.driven()])
         return float(found[0]) if len(found) == 1 else found if len(found) else None
 

@@ -138,8 +138,8 @@ class Joints:
             getattr(t, f"turn_{name}").assign(np.array([s[1] for sides in every for s in sides[k::2]]))
 
     def set(self, path: str, name: str, value, world: int | None) -> bool:
-        """Stiffness, damping or target of the drives of a joint."""
-        rows = self.drives(path, world) if name in LIVE else []
+        """Stiffness, damping, target or speed of the drives of a joint."""
+        rows = self.drives(path, world) if name in (*LIVE, "speed") else []
         if rows:
             array = getattr(self.linked.t, name)
             values = np.array(array.numpy())

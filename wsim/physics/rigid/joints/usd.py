@@ -14,6 +14,7 @@ from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, all_locked
 from wsim.physics.rigid.joints.moving import body_of
 from wsim.scene.curve import Motion
+from wsim.usd.load_varying import vary
 from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import author_motion, placement, split
 
@@ -48,6 +49,9 @@ def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
     limits, drives, cone, turn = _table(reading, prim, kind)
     for k in (0, 1):
         given[f"turn{k}"] = rotation.multiply(given[f"turn{k}"], turn)
+    aims = [a for name, _ in _driven(prim, kind) for api in [UsdPhysics.DriveAPI(prim, name)]
+            for a in (api.GetTargetPositionAttr(), api.GetTargetVelocityAttr())]
+    vary(reading, path, Joint, aims, lambda at: _aims(at, prim, kind))
     return Joint(path, limits=limits, drives=drives, cone=cone, **given, **_more(reading, api))
 
 
@@ -149,6 +153,23 @@ def _driven(prim: Usd.Prim, kind: str) -> list[tuple[str, str]]:
         name, own = KINDS[kind]
         return [(each, name) for each in given if each in (own, name)]
     return [(each, each) for each in given if each in (*AXES, DISTANCE)]
+
+
+def _aims(reading: Reading, prim: Usd.Prim, kind: str) -> dict:
+    """Where drives go, and how fast."""
+    drives = {name: _drive(reading, prim, given, name) for given, name in _driven(prim, kind)}
+    joint = Joint("", drives=drives)
+    return {name: joint.taken(name) for name in ("target", "speed")}
+
+
+def author_at(prim: Usd.Prim, joint: Joint, name: str, value, units: Units, code: float) -> list[Usd.Attribute]:
+    """Writes target or speed of the drives at a time code, in the order of `Joint.driven`; their attributes."""
+    found, instance = [], {axis: given for given, axis in _driven(prim, str(prim.GetTypeName()))}
+    for axis, number in zip(joint.driven(), np.broadcast_to(value, len(joint.drives)).tolist(), strict=True):
+        api = UsdPhysics.DriveAPI(prim, instance[axis])
+        found.append((api.CreateTargetPositionAttr if name == "target" else api.CreateTargetVelocityAttr)())
+        found[-1].Set(number / _unit(units, axis), code)
+    return found
 
 
 def _drive(reading: Reading, prim: Usd.Prim, given: str, name: str) -> Drive:

@@ -1,0 +1,64 @@
+"""The surface of a liquid beside bodies that move, where particles have not followed yet: as air, such a cell would have a
+pressure of 0 for a step, and the body would feel a hole (Bridson 2015, section 8.3: the distance to the surface goes on into
+solids).
+
+    a cell that is air becomes liquid    where its centre is covered, if a cell across an open face is liquid
+                                         where its centre is less than a cell away, if more of those are liquid than are air
+"""
+
+# ruff: noqa: UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.particles.surface import near
+
+
+@cache
+def wet(dim: int, real, module):
+    """Kernel over cells: phi_out of phi. solid: signed distances of the obstacles at the nodes [m], of that shape."""
+    S, f, at = structs(real), functions(dim, real), near(dim, real)
+
+    @wp.func
+    def away(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), i: wp.vec3i):
+        """Signed distance of the centre in cells."""
+        sum = real(0.0)
+        corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
+        for m in range(corners):
+            sum += solid[flat(i + wp.vec3i(m % 2, (m // 2) % 2, m // 4), shape)]
+        return sum / (real(wp.static(2 ** dim)) * g.dx)
+
+    def wet(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), open: S.Faces, phi: wp.array(dtype=real),
+            phi_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, g.n)
+        own = away(g, shape, solid, i)
+        if phi[c] >= real(0.0) and own < real(1.0):
+            least = real(0.0)
+            count = int(0)
+            around = int(wp.static(2 * dim))                   # a variable: the loop is compiled once
+            for m in range(around):
+                a = m // 2
+                j = at.beside(g, i, a, 2 * (m % 2) - 1)
+                if j[a] >= 0:
+                    q = at.face(g, i, a, m % 2)
+                    o = real(0.0)
+                    if a == 0:
+                        o = open.x[q]
+                    elif a == 1:
+                        o = open.y[q]
+                    else:
+                        o = open.z[q]
+                    if o > real(0.0):
+                        other = phi[flat(j, g.n)]
+                        if other < real(0.0):
+                            least = wp.min(least, other)
+                            count += 1
+                        elif own >= real(0.0):
+                            count -= 1
+            if count > 0:
+                phi_out[c] = least
+
+    return wp.kernel(wet, name=f"particles_wet_{f.name}", module=module, enable_backward=False)

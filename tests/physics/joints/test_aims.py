@@ -1,0 +1,105 @@
+"""Targets and speeds of drives that vary in time: samples and splines of UsdPhysics, both ways, and where they take a body."""
+
+import numpy as np
+import pytest
+from pxr import Ts, Usd, UsdPhysics
+
+from tests.physics.joints.make import rod, scene
+from wsim.physics.rigid.joints.joint import Drive, all_locked, between, prismatic, revolute
+from wsim.scene import SceneError, Varying
+from wsim.scene.check.scene import check
+from wsim.scene.curve import Curve
+from wsim.simulation.simulation import Simulation
+from wsim.usd import load, save
+
+WAY = Curve([0.0, 0.25, 0.5], [0.0, 0.2, 0.1], "catmull_rom")
+
+
+def slider(name: str = "target", curve: Curve = WAY, **more):
+    """A body on a rail, drawn by a spring and damper; no gravity."""
+    body = rod("/b", (0.0, 0.0, 0.0))
+    made = scene(body, prismatic("/rail", None, body, drives={"transX": Drive(4e4, 4e2)}), gravity=(0.0, 0.0, 0.0), **more)
+    made.varying.append(Varying("/rail", name, curve))
+    return made
+
+
+@pytest.mark.parametrize("name", ["target", "speed"])
+def test_a_body_follows_the_target_of_its_drive(name):
+    """A critically damped drive of 200/s is 2 / 200 s behind a target that goes on, from the middle of the frame before on: two
+    frames more are 1/30 s; of a speed alone, with no spring, within a frame of it."""
+    made = slider(name)
+    if name == "speed":
+        made.things("Joint")[0].drives["transX"] = Drive(0.0, 4e2)
+    sim, found = Simulation(made, device="cpu", precision="float64"), []
+    for _ in range(30):
+        sim.step()
+        found.append((sim.time, sim.plan.method("rigid").poses()[0, 0, 3], sim.plan.method("rigid").velocities()[0, 0]))
+    t, x, v = np.array(found).T
+    behind = 0.01 + 0.5 / 60.0 if name == "target" else 1.0 / 400.0 + 0.5 / 60.0
+    want = WAY.sampled(np.maximum(t - behind, 0.0))
+    assert np.abs((x if name == "target" else v) - want).max() < 0.01
+    assert np.ptp(x) > 0.05
+
+
+@pytest.mark.parametrize("angle", [False, True])
+def test_splines_of_targets_are_written_and_read(tmp_path, angle):
+    """Metres and degrees of a float attribute: seven digits."""
+    body = rod("/b", (0.0, 0.0, 0.0))
+    joint = (revolute if angle else prismatic)("/j", None, body, drives={"rotX" if angle else "transX": Drive(30.0, 2.0)})
+    made = scene(body, joint, frames=30)
+    made.varying.append(Varying("/j", "target", WAY))
+    save(made, tmp_path / "a.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
+    attribute = UsdPhysics.DriveAPI(stage.GetPrimAtPath("/j"), "angular" if angle else "linear").GetTargetPositionAttr()
+    assert attribute.HasSpline() and not attribute.GetTimeSamples()
+    (found,) = load(tmp_path / "a.usda").varying
+    t = np.linspace(-0.1, 0.7, 41)
+    assert (found.path, found.name) == ("/j", "target")
+    np.testing.assert_allclose(found.curve.sampled(t), WAY.sampled(t), atol=1e-7)
+
+
+def test_samples_of_one_drive_of_several_are_read_and_written_again(tmp_path):
+    b = [rod(f"/b{k}", (float(k), 0.0, 0.0)) for k in range(2)]
+    six = between("/j", b[0], b[1], limits=all_locked("rotX", "transZ"), drives={"rotX": Drive(3.0, 1.0, 0.5),
+                                                                                "transZ": Drive(4.0, 1.0, 0.25)})
+    save(scene(*b, six, frames=30), tmp_path / "a.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
+    target = UsdPhysics.DriveAPI(stage.GetPrimAtPath("/j"), "rotX").GetTargetPositionAttr()
+    target.Set(0.0, 0.0), target.Set(90.0, 30.0)
+    stage.Save()
+    first = load(tmp_path / "a.usda")
+    (found,) = first.varying
+    np.testing.assert_allclose(found.curve.at(0.25), [np.pi / 4.0 if a == "rotX" else 0.25 for a in six.driven()], atol=1e-6)
+    assert not [p for p in check(first) if p.fatal]
+    save(first, tmp_path / "b.usda")
+    (again,) = load(tmp_path / "b.usda").varying
+    np.testing.assert_allclose(again.curve.sampled(np.array([0.1, 0.5])), found.curve.sampled(np.array([0.1, 0.5])), atol=1e-6)
+
+
+def test_a_joint_without_a_drive_has_no_target_that_varies():
+    body = rod("/b", (0.0, 0.0, 0.0))
+    made = scene(body, prismatic("/rail", None, body))
+    made.varying.append(Varying("/rail", "target", WAY))
+    assert any("/rail: target varies in time, and the joint has no drive" in str(p) for p in check(made))
+    with pytest.raises(SceneError, match="allowed: finite numbers"):
+        raise SceneError([p for p in check(slider(curve=Curve([0.0, 1.0], np.zeros((2, 3))))) if p.fatal])
+
+
+def test_a_spline_of_usd_moves_a_hinge_as_its_own_curve(tmp_path):
+    body = rod("/b", (0.0, 0.0, 0.0))
+    save(scene(body, revolute("/j", None, body, drives={"rotX": Drive(30.0, 2.0)}), frames=30), tmp_path / "a.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
+    attribute = UsdPhysics.DriveAPI(stage.GetPrimAtPath("/j"), "angular").GetTargetVelocityAttr()
+    spline = Ts.Spline("float")
+    for time, value, slope in ((0.0, 10.0, 3.0), (20.0, 50.0, -2.0)):
+        knot = Ts.Knot(typeName="float", time=time, value=value)
+        knot.SetNextInterpolation(Ts.InterpCurve)
+        knot.SetPreTanWidth(5.0), knot.SetPostTanWidth(5.0)
+        knot.SetPreTanSlope(slope), knot.SetPostTanSlope(slope)
+        spline.SetKnot(knot)
+    attribute.SetSpline(spline)
+    stage.Save()
+    (found,) = load(tmp_path / "a.usda").varying
+    fps = stage.GetTimeCodesPerSecond()
+    want = np.radians([attribute.Get(code) for code in (0.0, 7.3, 15.0, 24.0)])
+    np.testing.assert_allclose(found.curve.sampled(np.array([0.0, 7.3, 15.0, 24.0]) / fps), want, rtol=1e-6)
