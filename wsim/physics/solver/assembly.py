@@ -71,9 +71,13 @@ class Assembly:
         self.elements = bool(self.solids or self.of(SHEET) or self.of(CORNERS))
         self.bending = bending_of(model, self.of(SHEET))
         coarse, self.why = coarse_space(model, h) if self.solids else ([], "")
+        schwarz = False
+        if not (coarse or self.springs or model.gradients) and self.elements:
+            schwarz, said = domains(model, h)
+            self.why += said
         self.system = linear.System(model, points.constants.w, self.ids(SPRINGS, 2), self.ids(SHEET, 4),
                                     [table.ids for table in (*self.of(CORNERS), *self.solids)], coarse,
-                                    self.bending.spans if self.bending else None)
+                                    self.bending.spans if self.bending else None, schwarz)
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.assemble = newton.assemble(model.real, model.module, self.springs, self.elements)
@@ -151,3 +155,9 @@ def coarse_space(model: Model, h: float) -> tuple[list, str]:
     from wsim.physics.solver.coarse_space import wanted
     bodies, why = wanted(model, h)
     return bodies, f"; {why}"
+
+
+def domains(model: Model, h: float) -> tuple[bool, str]:
+    """Whether sheets are solved by domains, and what the plan says about it."""
+    from wsim.physics.schwarz.solver import wanted
+    return wanted(model, h)

@@ -99,9 +99,9 @@ class System:
     """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`)."""
 
     def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray],
-                 coarse: Sequence[Body] = (), spans: Any = None):
+                 coarse: Sequence[Body] = (), spans: Any = None, schwarz: bool = False):
         """w: inverse masses [1/kg]; the others as above, empty (0, k) where there are none. coarse: bodies with a coarse
-        space."""
+        space; schwarz: all are solved by domains (`wsim.physics.schwarz`)."""
         self.model, n, t, s = model, model.points, types(model.real), newton.structs(model.real)
         self.rows, self.A, self.v = s.Rows(), s.Matrix(), pcg.vectors(model.real)()
         self.rows.w = w
@@ -115,7 +115,10 @@ class System:
             self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
             self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
             self.A.block = self.zeros(len(b.column), t.mat33)
-        self.coarse = None
+        self.coarse, self.schwarz = None, None
+        if schwarz:
+            from wsim.physics.schwarz.solver import Schwarz
+            self.schwarz = Schwarz(model, b.first, b.column)
         if coarse:
             from wsim.physics.solver.coarse_space import Multigrid
             self.coarse = Multigrid(model, coarse, max(e.shape[1] for e in elements), b.first, b.column)
@@ -128,7 +131,9 @@ class System:
         self.drop, self.count = self.zeros(self.systems, wp.float64), self.zeros(self.systems, int)
         kinds = model.real, self.coarse.module if self.coarse else model.sweep_module, len(springs) > 0, paired
         self.large = bool(coarse) or int(np.diff(self.starts).max()) > FUSE["cuda" if model.device.is_cuda else "cpu"]
-        if self.large:
+        if self.schwarz:
+            pass                                       # has kernels of its own
+        elif self.large:
             self.kernels, self.chunks = pcg.several(*kinds, bool(coarse)), self.cut()
         else:
             self.kernel = pcg.solve(*kinds)
@@ -157,6 +162,10 @@ class System:
         """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.solve` for drop and count. at: positions and displacements
         (points,) of A, for the coarse space. A: a `Matrix`, None: that of the system."""
         A = self.A if A is None else A
+        if self.schwarz:
+            self.schwarz.setup(self.rows, A, *at)
+            self.schwarz.solve(self.rows, A, f, tolerance, cap, self.v, self.drop, self.count)
+            return
         if not self.large:
             self.launch(self.kernel, [self.rows, A, f, tolerance, cap, self.v], [self.drop, self.count])
             return

@@ -31,7 +31,10 @@ class Residual:
         for term in terms:
             term.hold(clock.g, fresh=True)
             f = term.left(f)
-        own.system.launch(self.left, [own.points.constants, own.A, own.system.first, f, own.state.d, own.b], [self.array])
+        if own.system.schwarz:
+            own.system.schwarz.left(own, f, self.array)
+        else:
+            own.system.launch(self.left, [own.points.constants, own.A, own.system.first, f, own.state.d, own.b], [self.array])
         self.launch(self.unmet, [self.array, self.status.offset(UNSOLVED)], [self.status.array])
         if clock.watched:
             self.launch(self.judge, [self.array, clock.integrator.met[0]], [self.status.word(MISSED)])

@@ -1,0 +1,212 @@
+"""Conjugate gradients with a multilevel Schwarz preconditioner (kernels/schwarz/setup.py), all iterations in one launch.
+
+The recurrence is that of kernels/solver/pcg.py. A system is solved by a team of blocks of threads, on the CPU by one thread.
+A block has some of its groups, 64 points each, and everything that these need of others crosses a meeting of the team:
+
+    step        y, r of own points; u = W r of their domains and of their group; moments of groups          | meet
+    above       z = W^T u of the domains above groups, of moments                                           | meet
+    prolong     z of own points, from all levels; parts of r.z                                              | meet
+    multiply    w = A z of own points; parts of z.w                                                         | meet
+
+Parts are summed by every block in the same order, in float64: a step depends neither on who ran first nor on the number of
+blocks. A team's blocks wait for each other, so all of a launch must be on the device at once: `teams` times `size` is at most
+its number of multiprocessors.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.block import meet
+from wsim.kernels.math.real import types
+from wsim.kernels.schwarz import dense
+from wsim.kernels.schwarz.domains import above, restriction, works
+from wsim.kernels.schwarz.setup import NODES, TWELVE, tables, weight
+from wsim.kernels.solver.newton import structs
+from wsim.kernels.solver.pcg import parts, total, vectors
+
+THREADS = 288          # of a block: rows of the three domains of a group
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+    if (size > 1) {
+        if (threadIdx.x == 0) {
+            __threadfence();
+            const int now = atomicAdd(gate.data + team, 1) + 1, goal = (now + size - 1) / size * size;
+            while (*(volatile int*)(gate.data + team) < goal) __nanosleep(20);
+            __threadfence();
+        }
+        __syncthreads();
+    }
+#endif
+""")
+def gather_team(gate: wp.array(dtype=int), team: int, size: int):
+    """All blocks of a team wait for each other. gate (teams,): zero when a launch begins."""
+    ...
+
+
+@cache
+def phases(real, elements: bool):
+    """Functions of a group in an iteration, by one block: step, prolong and multiply."""
+    t, s, o, Work, Vectors = types(real), structs(real), tables(real), works(real), vectors(real)
+    side, nodes, twelve, product = dense.SIDE, NODES, TWELVE, parts(real, False, elements).product
+    moments, whole, forward, backward = restriction(real)
+    _, motions = above(real)
+
+    @wp.func
+    def step(g: int, alpha: real, beta: real, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work, lane: int):
+        """y and r go on, and what the domains of the group make of r."""
+        lanes = wp.block_dim()
+        begin = tree.first[nodes * g]
+        for n in range(begin + lane, tree.first[nodes * g + nodes], lanes):
+            i = tree.order[n]
+            p = v.z[i] + beta * v.p[i]
+            q = v.w[i] + beta * v.s[i]
+            r = m.S[i] * (v.r[i] - alpha * q)
+            v.p[i] = p
+            v.s[i] = q
+            v.y[i] = v.y[i] + alpha * p
+            v.r[i] = r
+            at = side * (3 * g + (tree.leaf[i] % nodes) // 4) + 3 * tree.rank[i]
+            for c in range(3):
+                k.into[at + c] = r[c]
+        meet()
+        moments(g, tree, m, v.r, k, lane, lanes)
+        meet()
+        whole(g, tree, m, k, lane, lanes)
+        forward(g, tree, m, k, lane, lanes)
+        meet()
+        backward(g, tree, m, k, lane, lanes)
+        meet()
+
+    @wp.func
+    def prolong(g: int, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work, lane: int):
+        """z of the points of the group; part of r.z."""
+        lanes = wp.block_dim()
+        motions(g, tree, m, k, lane, lanes)
+        meet()
+        gamma = wp.float64(0.0)
+        for n in range(tree.first[nodes * g] + lane, tree.first[nodes * g + nodes], lanes):
+            i = tree.order[n]
+            leaf = tree.leaf[i] % nodes
+            z = t.vec3()
+            at = side * (3 * g + leaf // 4) + 3 * tree.rank[i]
+            for c in range(3):
+                z[c] = k.out[at + c]
+            at = side * g + twelve * leaf
+            arm = m.X[i] - m.X[tree.place[tree.leaf[i]]]
+            for p in range(4):
+                for c in range(3):
+                    z[c] += weight(arm, p) * k.motion[at + 3 * p + c]
+            z = m.S[i] * z
+            v.z[i] = z
+            gamma += wp.float64(wp.dot(v.r[i], z))
+        return total(gamma)
+
+    @wp.func
+    def multiply(g: int, tree: o.Tree, rows: s.Rows, A: s.Matrix, v: Vectors, lane: int):
+        """w of the points of the group; part of z.w."""
+        delta = wp.float64(0.0)
+        for n in range(tree.first[nodes * g] + lane, tree.first[nodes * g + nodes], wp.block_dim()):
+            i = tree.order[n]
+            w = product(i, rows, A, v.z)
+            v.w[i] = w
+            delta += wp.float64(wp.dot(v.z[i], w))
+        return total(delta)
+
+    return step, prolong, multiply
+
+
+@wp.func
+def summed(parts: wp.array(dtype=wp.float64), first: int, last: int, lane: int):
+    """Sum of parts first .. last, by all threads of a block."""
+    sum = wp.float64(0.0)
+    for g in range(first + lane, last, wp.block_dim()):
+        sum += parts[g]
+    return total(sum)
+
+
+@cache
+def kernel(real, module, elements: bool = True):
+    """Kernel over teams of blocks: y of v becomes A^-1 f, see `Work` for the rest."""
+    t, s, o, Work, Vectors = types(real), structs(real), tables(real), works(real), vectors(real)
+    step, prolong, multiply = phases(real, elements)
+    solve_above, _ = above(real)
+
+    @wp.func
+    def precondition(b: int, who: wp.vec3i, tree: o.Tree, m: o.Blocks, v: Vectors, k: Work):
+        """z of r, when all of the team have made their step; parts of r.z. who: team, block of it, thread of
+        that."""
+        team = who[0]
+        rank = who[1]
+        lane = who[2]
+        if tree.upper[b + 1] > tree.upper[b]:
+            gather_team(k.gate, team, k.size)
+            for q in range(tree.upper[b] + rank, tree.upper[b + 1], k.size):
+                solve_above(q, tree, m, k, lane, wp.block_dim())
+            gather_team(k.gate, team, k.size)
+        for g in range(tree.group[b] + rank, tree.group[b + 1], k.size):
+            gamma = prolong(g, tree, m, v, k, lane)
+            if lane == 0:
+                k.gamma[g] = gamma
+        gather_team(k.gate, team, k.size)
+
+    @wp.func
+    def begin(b: int, who: wp.vec3i, tree: o.Tree, m: o.Blocks, f: wp.array(dtype=t.vec3), v: Vectors, k: Work):
+        rank = who[1]
+        lane = who[2]
+        for g in range(tree.group[b] + rank, tree.group[b + 1], k.size):
+            for n in range(tree.first[NODES * g] + lane, tree.first[NODES * g + NODES], wp.block_dim()):
+                i = tree.order[n]
+                v.r[i] = f[i]
+                v.y[i] = t.vec3()
+                v.z[i] = t.vec3()
+                v.w[i] = t.vec3()
+                v.p[i] = t.vec3()
+                v.s[i] = t.vec3()
+            meet()
+            step(g, real(0.0), real(0.0), tree, m, v, k, lane)
+
+    def schwarz_cg(rows: s.Rows, A: s.Matrix, f: wp.array(dtype=t.vec3), tree: o.Tree, m: o.Blocks, v: Vectors, k: Work):
+        block = wp.tid() // wp.block_dim()
+        lane = wp.tid() - block * wp.block_dim()
+        team = block // k.size
+        rank = block - team * k.size
+        who = wp.vec3i(team, rank, lane)
+        for b in range(team, k.systems, k.gate.shape[0]):
+            begin(b, who, tree, m, f, v, k)
+            precondition(b, who, tree, m, v, k)
+            gamma = summed(k.gamma, tree.group[b], tree.group[b + 1], lane)
+            enough = k.tolerance * k.tolerance * gamma
+            before = wp.float64(1.0)
+            alpha = wp.float64(1.0)
+            drop = wp.float64(0.0)
+            count = int(0)  # noqa: UP018
+            while gamma > enough and count < k.cap:
+                for g in range(tree.group[b] + rank, tree.group[b + 1], k.size):
+                    part = multiply(g, tree, rows, A, v, lane)
+                    if lane == 0:
+                        k.delta[g] = part
+                gather_team(k.gate, team, k.size)
+                delta = summed(k.delta, tree.group[b], tree.group[b + 1], lane)
+                beta = wp.float64(0.0)
+                if count > 0:
+                    beta = gamma / before
+                    delta -= beta * gamma / alpha
+                if not delta > wp.float64(0.0):
+                    break
+                alpha = gamma / delta
+                before = gamma
+                drop += alpha * gamma
+                for g in range(tree.group[b] + rank, tree.group[b + 1], k.size):
+                    step(g, real(alpha), real(beta), tree, m, v, k, lane)
+                precondition(b, who, tree, m, v, k)
+                gamma = summed(k.gamma, tree.group[b], tree.group[b + 1], lane)
+                count += 1
+            if lane == 0 and rank == 0:
+                k.drop[b] = drop
+                k.count[b] = k.count[b] + count
+
+    return wp.kernel(schwarz_cg, module=module, enable_backward=False, grid_stride=False, launch_bounds=THREADS)
