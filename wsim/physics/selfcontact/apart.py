@@ -2,9 +2,9 @@
 
 A frame is looked at as a whole where it ends. Every point went from where it began to where it is; if the list of near pairs
 was empty, and points are in the tubes that it was made with (kernels/selfcontact/tubes.py), no surfaces have met on straight
-ways beside the common motion. Points that have left their tubes ask for a list along the ways of the frame; where that is empty,
-the frame holds too. Else it is repeated with all stages. An explicit integrator on which nothing else acts takes such frames
-whole.
+ways beside the common motion. Points that have left their tubes ask for a list along the ways of the frame; where that is
+empty, the frame holds too. Else it is repeated with all stages. An explicit integrator on which nothing else acts takes such
+frames whole.
 """
 
 from __future__ import annotations
