@@ -89,10 +89,13 @@ class Fluids(Method):
         cells = sum(layout.cells for layout in self.layouts)
         how = sorted({"direct" if d.pressure.direct else "by multigrid" for d in self.domains})
         held = ' and '.join(SCALARS[name].name for name in self.carried[0])
-        where = f", {held} where there is some" if self.domains[0].tiles else ""
+        where, part = f", {held} where there is some" if self.domains[0].tiles else "", ""
+        if self.windows:
+            from wsim.physics.fluid.window import stated
+            part = stated([*self.windows.values()])
         self.stages.append(Stage("fluids", phase, self.advance, sum(d.launches for d in self.domains),
                                  sum(p.bytes for p in self.parts.values()), "frame",
-                                 f"{cells} cells, {', '.join(sorted({f.advection for f, _ in self.pairs}))}, pressure "
+                                 f"{cells} cells{part}, {', '.join(sorted({f.advection for f, _ in self.pairs}))}, pressure "
                                  f"{' and '.join(how)}{where}"))
 
     # what there is
