@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LEAST = 4              # substeps that one launch takes at least
 TRIED = 8              # substeps from which the kernels of a frame follow
 # threads of a block, one for each multiprocessor. H200, few threads a point, ms a frame: sheet of 33 x 33, 203 substeps: apart
-# 3.66, a cluster of 16 x 512 3.51, 16 x 256 3.23, 66 blocks x 128 2.78, 132 x 128 2.73; the shirt, 2983: apart 79, 132 x 256 61,
+# 3.66, cluster of 16 x 512 3.51, 16 x 256 3.23, 66 blocks x 128 2.78, 132 x 128 2.73; the shirt, 2983: apart 79, 132 x 256 61,
 # 132 x 512 87, the cluster 142
 THREADS, FEWER = 512, 128
 LARGEST = 200_000      # items of a phase from which launches are no more what counts
