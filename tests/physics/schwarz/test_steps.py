@@ -20,8 +20,8 @@ def always(monkeypatch):
 
 
 def slope(d, start, triangles, rest, masses, goal, h, free):
-    """Gradient of Phi by complex steps: inertia and strains U - 1 of all triangles, U^2 = F^T F, by the closed form of a root of
-    2 x 2."""
+    """Gradient of Phi by complex steps: inertia and strains U - 1 of all triangles, U^2 = F^T F, by the closed form of a root
+    of 2 x 2."""
     Dm = (rest[triangles[:, 1:]] - rest[triangles[:, :1]])[:, :, :2].transpose(0, 2, 1)
     B, area = np.linalg.inv(Dm), 0.5 * np.abs(np.linalg.det(Dm))
     many = np.eye(len(d))[:, None] if d.ndim == 1 else 0.0
@@ -64,8 +64,8 @@ def test_a_converged_step_is_the_solution_of_scipy(monkeypatch):
 
 @pytest.mark.parametrize("integrator, order", [("backward_euler", 1.0), ("bdf2", 2.0), ("sdirk3", 1.6)])
 def test_orders_on_stiff_cloth(integrator, order):
-    """A sheet of 1e5 N/m swings on its upper edge: a wave passes it many times in the longest of the steps, and motion is as on a
-    constraint, where the stages of sdirk3, of order 1, leave less than order 3 (Hairer, Wanner 1996, VI.3)."""
+    """A sheet of 1e5 N/m swings on its upper edge: a wave passes it many times in the longest of the steps, and motion is as on
+    a constraint, where the stages of sdirk3, of order 1, leave less than order 3 (Hairer, Wanner 1996, VI.3)."""
     ends = []
     for substeps in (4, 8, 16, 64):
         scene = sheet(6, 1e5, integrator=integrator, fps=20.0, substeps=substeps, iterations=8, gravity=(0.0, -4.0, 9.0))
