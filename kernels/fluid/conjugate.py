@@ -91,15 +91,20 @@ def advance(real, module):
 
 @cache
 def refine(dim: int, fractions: bool, real, module):
-    """Kernel over blocks of threads: x += z, r -= A z, parts of r.r: a step that needs no other length."""
+    """Kernel over blocks of threads: x += z (the first time x = z), r -= A z, parts of r.r: a step that needs no other
+    length."""
     Level, s, f = levels(real), stencil(dim, fractions, real), functions(dim, real)
 
-    def refine(level: Level, z: wp.array(dtype=real), x_out: wp.array(dtype=real), r_out: wp.array(dtype=real),
-               part_out: wp.array(dtype=wp.vec2d)):
+    def refine(level: Level, z: wp.array(dtype=real), S: wp.array(dtype=wp.float64), x_out: wp.array(dtype=real),
+               r_out: wp.array(dtype=real), part_out: wp.array(dtype=wp.vec2d)):
         sum = wp.float64(0.0)
         whole = wp.float64(0.0)
+        first = S[COUNT] == wp.float64(0.0)
         for c in range(wp.tid(), z.shape[0], part_out.shape[0] * wp.block_dim()):
-            x_out[c] = x_out[c] + z[c]
+            x = z[c]
+            if not first:
+                x += x_out[c]
+            x_out[c] = x
             r = r_out[c] - s.product(level, z, f.place(c, level.n))
             r_out[c] = r
             sum += wp.float64(r) * wp.float64(r)

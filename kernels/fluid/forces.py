@@ -53,13 +53,15 @@ def lift(dim: int, axis: int, of: str, real):
 
     @wp.func
     def lift(g: S.Grid, lifting: F, i: wp.vec3i):
-        a, b = cells(g, i)
         push = real(0.0)
-        if wp.static(smoky):
-            push += lifting.live[WEIGHT] * real(0.5) * (lifting.smoke[a] + lifting.smoke[b])
-        if wp.static(hot):
-            push -= lifting.live[LIFT] * real(0.5) * (lifting.heat[a] + lifting.heat[b])
-        return push * lifting.live[wp.static(axis)]
+        down = lifting.live[wp.static(axis)]
+        if down != real(0.0):                                  # of most axes nothing is read
+            a, b = cells(g, i)
+            if wp.static(smoky):
+                push += lifting.live[WEIGHT] * real(0.5) * (lifting.smoke[a] + lifting.smoke[b])
+            if wp.static(hot):
+                push -= lifting.live[LIFT] * real(0.5) * (lifting.heat[a] + lifting.heat[b])
+        return push * down
 
     return lift
 

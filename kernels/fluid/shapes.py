@@ -1,6 +1,8 @@
 """Shapes in a fluid, which move within a frame: signed distances and velocities.
 
     x(t) = p + V t,  R(t) = exp([W t]) R    of a frame that begins at (p, R)
+    a mesh that deforms ("forming"): its points y + v t too, of the frame's begin; nearest to a place q is what is nearest to
+    q - t v there, v the velocity of what is nearest to q
 
 Places are relative to the low corner of the domain, along the world's axes. Of a flat fluid the grid's axes are two of those.
 """
@@ -44,8 +46,17 @@ def functions(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
     """spot(shapes, x) -> place [m] of x cells; signed(shapes, k, y, t) -> distance [m] of a place to shape k, t [s] after the
     frame began; rate(shapes, k, y, t) -> its velocity there [m/s]."""
     t, S = types(real), structs(real)
-    convex = distance(tuple(k for k in kinds if k not in ("solid", "sheet")) or ("sphere",))
-    solid, sheet = "solid" in kinds, "sheet" in kinds
+    convex = distance(tuple(k for k in kinds if k not in ("solid", "sheet", "forming")) or ("sphere",))
+    solid, sheet, forming = ("solid" in kinds, "sheet" in kinds, "forming" in kinds)
+
+    @wp.func
+    def shifted(mesh: wp.uint64, q: wp.vec3f, time: real):
+        """How far what is nearest to q has gone, [m]."""
+        near = wp.mesh_query_point_no_sign(mesh, q, float(1.0e9))
+        way = wp.vec3f()
+        if near.result:
+            way = float(time) * wp.mesh_eval_velocity(mesh, near.face, near.u, near.v)
+        return way
 
     @wp.func
     def spot(shapes: S.Shapes, x: t.vec3):
@@ -72,16 +83,22 @@ def functions(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
         phi = real(1.0e9)
         if wp.static(solid):
             if kind == SOLID:
-                near = wp.mesh_query_point_sign_normal(shapes.mesh[k], wp.vec3f(q), float(1.0e9))
+                at = wp.vec3f(q)
+                if wp.static(forming):
+                    at = at - shifted(shapes.mesh[k], at, time)
+                near = wp.mesh_query_point_sign_normal(shapes.mesh[k], at, float(1.0e9))
                 if near.result:
                     p = wp.mesh_eval_position(shapes.mesh[k], near.face, near.u, near.v)
-                    phi = real(near.sign * wp.length(wp.vec3f(q) - p))
+                    phi = real(near.sign * wp.length(at - p))
         if wp.static(sheet):
             if kind == SHEET:
-                near = wp.mesh_query_point_no_sign(shapes.mesh[k], wp.vec3f(q), float(1.0e9))
+                at = wp.vec3f(q)
+                if wp.static(forming):
+                    at = at - shifted(shapes.mesh[k], at, time)
+                near = wp.mesh_query_point_no_sign(shapes.mesh[k], at, float(1.0e9))
                 if near.result:
                     p = wp.mesh_eval_position(shapes.mesh[k], near.face, near.u, near.v)
-                    phi = real(wp.length(wp.vec3f(q) - p))
+                    phi = real(wp.length(at - p))
         if kind < SOLID:
             found, n = convex(kind, shapes.size[k], q)
             phi = found
@@ -89,9 +106,30 @@ def functions(dim: int, kinds: tuple[str, ...], real) -> SimpleNamespace:
 
     @wp.func
     def rate(shapes: S.Shapes, k: int, y: t.vec3, time: real):
-        v = shapes.speed[k] + wp.cross(shapes.spin[k], y - shapes.place[k] - time * shapes.speed[k])
+        r = y - shapes.place[k] - time * shapes.speed[k]
+        v = shapes.speed[k] + wp.cross(shapes.spin[k], r)
+        if wp.static(forming):
+            if shapes.kind[k] >= SOLID:
+                q = turned(shapes, k, time)
+                own = shifted(shapes.mesh[k], wp.vec3f(wp.quat_rotate_inv(q, r)), real(1.0))
+                v += wp.quat_rotate(q, t.vec3(real(own[0]), real(own[1]), real(own[2])))
         if wp.static(dim == 2):
             return t.vec3(v[shapes.axes[0]], v[shapes.axes[1]], real(0.0))
         return v
 
-    return SimpleNamespace(spot=spot, turned=turned, signed=signed, rate=rate, name=f"{dim}d_{'_'.join(kinds)}_{t.name}")
+    return SimpleNamespace(spot=spot, turned=turned, shifted=shifted, signed=signed, rate=rate,
+                           name=f"{dim}d_{'_'.join(kinds)}_{t.name}")
+
+
+@cache
+def follow(real, module):
+    """Kernel over points of a mesh: places and velocities of the points of the state that it is made of."""
+    t = types(real)
+
+    def follow(row: wp.array(dtype=int), x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3),
+               place_out: wp.array(dtype=wp.vec3f), rate_out: wp.array(dtype=wp.vec3f)):
+        k = wp.tid()
+        place_out[k] = wp.vec3f(x[row[k]])
+        rate_out[k] = wp.vec3f(v[row[k]])
+
+    return wp.kernel(follow, name=f"follow_{t.name}", module=module, enable_backward=False)

@@ -90,9 +90,11 @@ def emit(dim: int, kinds: tuple[str, ...], carries: tuple[str, bool], expanding:
                     q = q + h * dose * sources.heat[k]
                 e += dose * sources.expansion[k]
         if wp.static(smoky):
-            smoke_out[c] = s
+            if s != smoke_out[c]:
+                smoke_out[c] = s
         if wp.static(hot):
-            heat_out[c] = q
+            if q != heat_out[c]:
+                heat_out[c] = q
         if wp.static(marking):
             if s != real(0.0) or q != real(0.0):
                 holds_out[tile(g, i)] = 1

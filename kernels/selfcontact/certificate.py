@@ -27,7 +27,7 @@ from wsim.kernels.selfcontact import closest, pairs
 @cache
 def bounds(real):
     """Functions: least gap that a file needs of a pair; c, see above, of one whose points are at p1 .. p3 from its first; the
-    least coefficient in the middle."""
+    least coefficient in the middle; whether it may meet."""
     t = types(real)
     Surfaces, State = pairs.surfaces(real), states(real)
     _, slack = pairs.reading(real)
@@ -62,7 +62,17 @@ def bounds(real):
             return -wp.max(other, a1)
         return wp.min(-other, a1 - other)
 
-    return written, rounding, between
+    @wp.func
+    def meets(s: Surfaces, at: State, ids: wp.vec4i, b: t.vec4, n: t.vec3, away: real, keep: real):
+        """1 for a pair that may come as near as it keeps, by where its points are and are predicted, and a tube's radius."""
+        end = away
+        for k in range(4):
+            end += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
+        if wp.min(away, end) < keep + s.beta:
+            return 1
+        return 0
+
+    return written, rounding, between, meets
 
 
 @cache
@@ -73,7 +83,7 @@ def inspect(real, module):
     vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
-    written, rounding, between = bounds(real)
+    written, rounding, between, meets = bounds(real)
     weights, least, normal = closest.weights(real), closest.gap(real), closest.normal(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -114,7 +124,8 @@ def inspect(real, module):
             near.gap[i] = gap
             near.least[i] = written(s, at, kind, ids)
             near.push[i] = zero
-            near.on[i] = 0
+            if meets(s, at, ids, b, m, near.away[i], near.keep[i]) > 0:
+                near.row[wp.atomic_add(near.rows, 0, 1)] = i
             return
         a1, a2, a3 = wp.dot(n, q1) + wp.dot(m, p1), wp.dot(n, q2) + wp.dot(m, p2), wp.dot(n, q3) + wp.dot(m, p3)
         if not (near.gap[i] > c and gap >= need and between(kind, a1, a2, a3) >= real(2.0) * c):
@@ -182,7 +193,7 @@ def project(real, module):
                 C = lack(s, at, near, i, a, b)
                 W = (s.w[a] * real(to.share[a]) + s.w[b] * real(to.share[b])) / real(pairs.SHARES)
                 if C < real(0.0) and W > real(0.0):
-                    push = (-C / W) * near.n[i]
+                    push = (-real(pairs.OVER) * C / W) * near.n[i]
                     fixed(to, a, s.w[a] * push)
                     fixed(to, b, -s.w[b] * push)
 
@@ -206,7 +217,8 @@ def proceed(module):
             words[pairs.CLOSE] = words[pairs.CLOSER]
         going = int(0)
         if kind < 2:
-            words[pairs.SWEPT] = turn
+            words[pairs.SWEPT] = wp.max(words[pairs.SWEPT], turn)
+            words[pairs.STRAYED] = words[pairs.OUT]
             if bad > 0 and turn < words[pairs.ROUNDS]:
                 going = 1
                 left = 0

@@ -26,9 +26,9 @@ ALL, HELD, STILL = 8, 9, 10              # rounds from which on: all are cut; pa
 ROUNDS = 11
 # words that a frame leaves behind: pairs that there was no room for; substeps that were projected, of rounds; cut; most percent
 # of its motion that a point lost; substeps in which all were cut; in which some were held; pairs that began too near, at most;
-# searches; points that were cut
-WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS = range(10)
-SAID = 10
+# searches; points that were cut; 1: pairs are listed
+WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY = range(11)
+SAID = 11
 
 
 @cache
@@ -128,6 +128,7 @@ def tell(real, module):
         words[pairs.CLOSE] = 0
         words[pairs.SWEPT] = 0
         words[pairs.TURNED] = 0
+        said[BUSY] = words[pairs.NEAR]
         said[SEARCHES] = said[SEARCHES] + words[pairs.MADE]
         words[pairs.MADE] = 0
         words[pairs.EPOCH] = words[pairs.EPOCH] + 1

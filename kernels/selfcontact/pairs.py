@@ -16,12 +16,13 @@ from wsim.kernels.math.real import types
 
 SCALE = 2.0 ** 50                        # of metres: sums are whole numbers of 1 / SCALE
 SHARES = 4096                            # of weights, rounded up: 1 / SHARES too many is a sweep that much shorter
+OVER = 1.6                               # over-relaxation of sweeps along normals, below 2
 # Words on the device: a search before the next solve; pairs are listed; projections go on; cuts go on; the round of either;
 # projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
 # and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
-# lists that were made in this substep
-SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE = range(14)
-WORDS = 14
+# lists that were made in this substep; points out of their tubes behind projections
+SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED = range(15)
+WORDS = 15
 
 
 @cache
@@ -69,6 +70,8 @@ def lists(real):
         gap: wp.array(dtype=t.scalar)             # least n . (p_i - p_j) there [m]
         least: wp.array(dtype=t.scalar)           # s, the gap that what is written needs [m]
         push: wp.array(dtype=t.vec3)              # accumulated push [m kg]
+        rows: wp.array(dtype=int)                 # pairs that may meet in this substep, (1,): what sweeps are over
+        row: wp.array(dtype=int)                  # them
         on: wp.array(dtype=int)                   # 1: takes part in a sweep
         bad: wp.array(dtype=int)                  # 1: not certified; 2: it was closer than s already, and is let be
 

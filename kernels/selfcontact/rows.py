@@ -21,17 +21,17 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
 
+SMALL = 1e-3           # of what a pair keeps: one that is as near to it takes part in the last sweep of an iteration only
+
 
 @cache
 def lean(real, module):
-    """Kernel: which pairs take part in a sweep; their weights are summed up by point."""
+    """Kernel: which of the pairs within reach take part in a sweep; their weights are summed up by point. Each of `threads`
+    takes every threads-th pair."""
     Pairs, State, Sums = pairs.lists(real), states(real), pairs.sums(real)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def lean_pairs(at: State, climb: real, near: Pairs, to: Sums):
-        i = wp.tid()
-        if i >= wp.min(near.count[0], near.capacity):
-            return
+    @wp.func
+    def ask(at: State, climb: real, all: int, i: int, near: Pairs, to: Sums):
         ids = near.ids[i]
         b = near.b[i]
         n = near.n[i]
@@ -39,29 +39,52 @@ def lean(real, module):
         for k in range(4):
             C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
         on = int(0)
-        if C < real(0.0) or wp.dot(near.push[i], n) > real(0.0):
+        lam = wp.dot(near.push[i], n)
+        small = real(SMALL) * near.keep[i]
+        if all > 0:
+            if C < real(0.0) or lam > real(0.0):
+                on = 1
+        elif C < -small or (lam > real(0.0) and C > small):
             on = 1
+        if on > 0:
             for k in range(4):
                 share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
                 if share > 0:
                     wp.atomic_add(to.share, ids[k], share)
         near.on[i] = on
 
+    @wp.kernel(module=module, enable_backward=False)
+    def lean_pairs(at: State, climb: real, all: int, threads: int, near: Pairs, to: Sums):
+        j = wp.tid()
+        while j < near.rows[0]:
+            ask(at, climb, all, near.row[j], near, to)
+            j += threads
+
     return lean_pairs
 
 
 @cache
 def press(real, module):
-    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'."""
+    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'. threads: as
+    `lean`."""
     t = types(real)
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
     fixed = pairs.fixed(real)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def press_pairs(s: Surfaces, at: State, climb: real, near: Pairs, to: Sums):
-        i = wp.tid()
-        if i >= wp.min(near.count[0], near.capacity) or near.on[i] == 0:
-            return
+    @wp.func
+    def after(n: t.vec3, push: t.vec3, C: real, W: real, slip: t.vec3, mu: t.vec2):
+        """The push of a pair after the sweep."""
+        lam = wp.dot(push, n)
+        T = push - lam * n
+        lam = wp.max(lam - real(pairs.OVER) * C / W, real(0.0))
+        T = T - (slip - wp.dot(slip, n) * n) / W
+        size = wp.length(T)
+        if size > mu[0] * lam:
+            T = (mu[1] * lam / size) * T
+        return lam * n + T
+
+    @wp.func
+    def one(s: Surfaces, at: State, climb: real, i: int, near: Pairs, to: Sums):
         ids = near.ids[i]
         b = near.b[i]
         n = near.n[i]
@@ -75,19 +98,20 @@ def press(real, module):
             C += b[k] * wp.dot(n, at.d[q] - at.e[q])
             slip += b[k] * (at.d[q] - at.a[q])
             mu += real(0.5) * wp.abs(b[k]) * s.friction[q]
-        if W <= real(0.0):
-            return
-        push = near.push[i]
-        lam = wp.dot(push, n)
-        T = push - lam * n
-        lam = wp.max(lam - C / W, real(0.0))
-        T = T - (slip - wp.dot(slip, n) * n) / W
-        size = wp.length(T)
-        if size > mu[0] * lam:
-            T = (mu[1] * lam / size) * T
-        after = lam * n + T
-        near.push[i] = after
-        for k in range(4):
-            fixed(to, ids[k], (s.w[ids[k]] * b[k]) * (after - push))
+        if W > real(0.0):
+            push = near.push[i]
+            then = after(n, push, C, W, slip, mu)
+            near.push[i] = then
+            for k in range(4):
+                fixed(to, ids[k], (s.w[ids[k]] * b[k]) * (then - push))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def press_pairs(s: Surfaces, at: State, climb: real, threads: int, near: Pairs, to: Sums):
+        j = wp.tid()
+        while j < near.rows[0]:
+            i = near.row[j]
+            if near.on[i] > 0:
+                one(s, at, climb, i, near, to)
+            j += threads
 
     return press_pairs

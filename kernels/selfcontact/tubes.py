@@ -18,8 +18,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
 
-LANES, FOLD, COLUMNS = 256, 16, 16       # of the sums: partial sums, how many are one in a pass, numbers of each
-AHEAD = 4.0                              # substeps that an axis leads ahead at most
+FOLD, COLUMNS = 16, 16           # of the sums: how many partial ones are one in a pass, numbers of each
 LENGTH = 4.0                             # of beta, that it is made as long by, where a substep's own path is shorter
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
@@ -42,15 +41,15 @@ def frames(real):
 
 @cache
 def tally(real, module):
-    """Kernel: partial sums of moments about the last centre, of a stretch of points each: (LANES, COLUMNS)."""
+    """Kernel: partial sums of moments about the last centre, of a stretch of points each: (lanes, COLUMNS)."""
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
     row = wp.types.vector(COLUMNS, real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def tally_motion(s: Surfaces, at: State, f: Frames, out: wp.array2d(dtype=real)):
+    def tally_motion(s: Surfaces, at: State, f: Frames, lanes: int, out: wp.array2d(dtype=real)):
         lane = wp.tid()
         m = s.point.shape[0]
-        each = (m + LANES - 1) / LANES
+        each = (m + lanes - 1) / lanes
         c = f.rigid[0]
         a = row()
         for j in range(lane * each, wp.min((lane + 1) * each, m)):
@@ -148,11 +147,12 @@ def carried(real):
 
 @cache
 def axes(real, module):
-    """Kernel: axes of the tubes, where lists are made: A before the substep is 1."""
+    """Kernel: axes of the tubes, where lists are made: A before the substep is 1. most: substeps that they lead ahead, at
+    most."""
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lay_axes(s: Surfaces, at: State, f: Frames):
+    def lay_axes(s: Surfaces, at: State, most: real, f: Frames):
         i = s.point[wp.tid()]
         p = (at.x[i] + s.shift[i]) + at.e[i]
         q = wp.transform_point(wp.transform_inverse(f.frame[1]), (at.x[i] + s.shift[i]) + at.d[i])
@@ -160,7 +160,7 @@ def axes(real, module):
         size = wp.length(way)
         ahead = real(1.0)
         if size > real(0.0):
-            ahead = wp.clamp(real(LENGTH) * s.beta / size, real(1.0), real(AHEAD))
+            ahead = wp.clamp(real(LENGTH) * s.beta / size, real(1.0), most)
         f.start[i] = p
         f.goal[i] = p + ahead * way
 
@@ -203,3 +203,17 @@ def watch(real, module):
             words[pairs.SOON] = 1
 
     return watch_tubes
+
+
+@cache
+def way(real, module):
+    """Kernel: displacement of a whole frame, from where it began."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def way_of_frame(began: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3), e: wp.array(dtype=t.vec3),
+                     d_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        d_out[i] = (x[i] - began[i]) + e[i]
+
+    return way_of_frame

@@ -4,10 +4,17 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.joints.make import errors, rod, start
+from tests.gradient.rigid.test_joints import LAST, SCENES, seeds
+from tests.physics.joints.make import coordinates, errors, rod, start
 from tests.physics.joints.test_beside import run
 from tests.physics.joints.test_islands import chain
-from wsim.physics.rigid.joints.joint import revolute
+from tests.physics.joints.test_sleep import chain as hanging
+from tests.physics.joints.test_sleep import sleepy
+from tests.physics.rigid.solver.test_sleep import asleep
+from tests.physics.rigid.test_contact import Seen, ball
+from wsim.gradient.recording import Recording
+from wsim.physics.rigid.joints.joint import AXES, Drive, between, revolute
+from wsim.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
 
@@ -38,3 +45,45 @@ def test_a_thousand_pendulums_swing_alike():
     one.run(30)
     x = many.plan.method("rigid").get("x")
     assert np.array_equal(x, np.tile(x[0], (1000, 1))) and np.abs(x[0] - one.plan.method("rigid").get("x")[0]).max() < 1e-9
+
+
+def test_limits_met_together_and_a_drive_of_bounded_force_are_those_of_a_cpu():
+    """A rod thrown into three narrow limits, one of them with a drive that gives all that it has."""
+    ends = []
+    for device in ("cpu", "cuda:0", "cuda:0"):
+        thrown = {"velocity": (0.3, -0.5, 0.4), "spin": (2.0, -3.0, 4.0)}
+        body = rod("/b", (0.4, 0.1, 0.2), mass=2.0, moments=(0.03, 0.05, 0.02), **thrown)
+        limits = {name: (0.0, 0.0) for name in AXES} | {name: (-1e-3, 1e-3) for name in AXES[3:]}
+        joint = between("/j", None, body, at=(0.1, 0.2, -0.1), limits=limits, drives={"rotX": Drive(50.0, 1.0, 0.2, most=2.0)})
+        sim = start(body, joint, device=device, gravity=(1.0, -9.81, 3.0))
+        for _ in range(30):
+            sim.step()
+            assert np.abs(coordinates(sim)[0, 3:]).max() < 1e-3 + 1e-9 and max(errors(sim)) < 1e-9
+        ends.append(sim.plan.method("rigid").poses())
+    assert np.array_equal(ends[1], ends[2]) and np.abs(ends[0] - ends[1]).max() < 1e-9
+
+
+def test_a_chain_sleeps_and_a_ball_wakes_all_of_it_and_no_other():
+    """As on a CPU (tests/physics/joints/test_sleep.py)."""
+    thrown = ball("/ball", (-3.0, 2.0, 0.0), 0.1, asleep=True, drag=1.0)
+    sim = sleepy(*hanging("a", velocity=(0.5, 0.0, 0.0)), *hanging("b", 20.0), thrown, device="cuda:0")
+    sim.run(300)
+    assert all(asleep(sim).values()) and not Seen(sim).v.any()
+    sim.set("/ball", "velocity", (10.0, 1.47, 0.0))
+    sim.run(30)
+    now = asleep(sim)
+    assert not now["/ball"] and not now["/a0"] and not now["/a2"] and now["/b0"] and now["/b2"]
+
+
+@pytest.mark.parametrize("kind", ["driven", "limits"])
+def test_gradients_are_those_of_a_cpu(kind):
+    """In float64: by a velocity, by gravity, by a drive."""
+    poses, twists = seeds()
+    ends = []
+    for device in ("cpu", "cuda:0"):
+        r = Recording(Simulation(SCENES[kind](), device=device, precision="float64", gradients=True), LAST)
+        r.run()
+        found = r.backward(poses=poses, twists=twists)
+        drive = [found.value("/second", "stiffness")] if kind == "driven" else []
+        ends.append(np.concatenate([found.value("/a", "velocity"), found.gravity(), drive]))
+    assert np.abs(ends[0] - ends[1]).max() < 1e-8 * np.abs(ends[0]).max() and np.abs(ends[0]).min() > 0.0

@@ -87,6 +87,12 @@ SLOW = {
     "physics/fluid/test_accuracy.py": [
         "test_other_schemes_lose_to_the_projection_what_reflection_keeps[bfecc-0.0342]",
         "test_other_schemes_lose_to_the_projection_what_reflection_keeps[linear-0.0512]"],
+    "physics/fluid/liquid/test_bodies.py": [
+        "test_the_buoyancy_of_what_is_as_dense_as_the_liquid_is_its_weight[shape1-7.8]",
+        "test_a_light_body_rises_as_its_added_mass_lets_it[10.0]", "test_momentum_goes_from_a_stream_to_a_body"],
+    "physics/fluid/liquid/test_sheets.py": [
+        "test_liquid_poured_onto_a_pinned_sheet_stays_above_it",
+        "test_a_mesh_whose_points_move_is_the_collider_that_moves_so"],
     "physics/fluid/test_obstacles.py": [
         "test_a_mesh_is_an_obstacle_as_its_shape_is", "test_a_wall_thinner_than_a_cell_does_not_leak[0.0]"],
     "physics/joints/test_beside.py": [

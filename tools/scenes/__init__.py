@@ -16,6 +16,7 @@ from tools.scenes.fluid import FLUID_SCENES
 from tools.scenes.rigid import RIGID_SCENES
 from tools.scenes.skeleton import SKELETON_SCENES
 from tools.scenes.soft import SOFT_SCENES
+from tools.scenes.touching import TOUCHING_SCENES
 from tools.usda import block, ground, listed, moved, number, pin, scene, settings, solid
 from wsim.scene import shapes
 
@@ -135,4 +136,5 @@ def shirt() -> str:
 
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
-          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **ANIMATION_SCENES, **SKELETON_SCENES}
+          **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **ANIMATION_SCENES, **SKELETON_SCENES,
+          **TOUCHING_SCENES}

@@ -233,7 +233,8 @@ def check(args) -> int:
         print(problem)
     if scene and not fatal:
         from wsim.scene.check.contact import taken
-        for text in reports.kept(taken(scene)):
+        from wsim.scene.check.slivers import told
+        for text in [*reports.kept(taken(scene)), *told(scene)]:
             print(text)
     counts = f"{args.scene}: {count(fatal, 'error')}, {count(len(problems) - fatal, 'warning')}"
     print(f"{counts}; {inventory(scene)}" if scene else counts)

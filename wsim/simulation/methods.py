@@ -56,6 +56,12 @@ class Build:
         from wsim.physics.contact.clearance import possible
         return possible(self.scene, self.model.gradients)
 
+    @property
+    def alone(self) -> bool:
+        """True if nothing but self-contact acts within a substep, and frames in which nothing is near leave it out."""
+        pushes = [row.name for row in METHODS if row.pushes and self.reasons[row.name]]
+        return pushes == ["selfcontact"] and not any(np.isfinite(p.stiffness) for p in self.scene.pins)
+
     def carriers(self) -> dict[str, Any]:
         """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""
         return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}

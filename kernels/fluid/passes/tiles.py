@@ -47,16 +47,19 @@ def tiles(dim: int, real):
 
 
 @cache
-def mark(dim: int, real, module):
-    """Kernel over cells: tiles that hold some of a scalar."""
+def mark(dim: int, both: bool, real, module):
+    """Kernel over cells: tiles that hold some of a scalar (both: of either)."""
     S, f, tile = structs(real), functions(dim, real), tiles(dim, real)
 
-    def mark(g: S.Grid, q: wp.array(dtype=real), holds_out: wp.array(dtype=int)):
+    def mark(g: S.Grid, q: wp.array(dtype=real), r: wp.array(dtype=real), holds_out: wp.array(dtype=int)):
         c = wp.tid()
-        if q[c] != real(0.0):
+        found = q[c] != real(0.0)
+        if wp.static(both):
+            found = found or r[c] != real(0.0)
+        if found:
             holds_out[tile(g, f.place(c, g.n))] = 1
 
-    return wp.kernel(mark, name=f"tiles_mark_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(mark, name=f"tiles_mark{'_both' * both}_{f.name}", module=module, enable_backward=False)
 
 
 @cache
@@ -65,14 +68,9 @@ def near(dim: int, real, module):
     S, t = structs(real), types(real)
 
     @wp.func
-    def around(k: int, m: int, n: int, periodic: int):
-        """Tile of place k + m of n, -1 beyond a side."""
-        j = k + m
-        if periodic != 0:
-            j = (j + n * wp.static(2 * FAR + 4)) % n
-        elif j >= n:
-            j = int(-1)
-        return j
+    def around(j: int, n: int):
+        """Tile of place j of n, which may be further than once around."""
+        return wp.where(j < 0 or j >= n, (j + n * wp.static(2 * FAR + 4)) % n, j)
 
     def near(g: S.Grid, holds: wp.array(dtype=int), speed: wp.array(dtype=real), clock: wp.array(dtype=real),
              near_out: wp.array(dtype=int)):
@@ -86,21 +84,27 @@ def near(dim: int, real, module):
         if cells < real(wp.static(FAR * EDGE)):                # not finite: all
             far = int(wp.ceil(cells / real(wp.static(EDGE))))
         found = int(far > wp.static(FAR))
-        reach = wp.vec3i(far, far, far)
+        at = wp.vec3i(i, j, k)
+        low = wp.vec3i()
+        high = wp.vec3i()
         for a in range(3):
+            reach = far
             if g.periodic[a] != 0 and (g.n[a] & 7) != 0:
-                reach[a] = far + 1                             # the last tile has fewer cells
-            if n[a] == 1:
-                reach[a] = 0
+                reach = far + 1                                # the last tile has fewer cells
+            low[a] = at[a] - reach
+            high[a] = at[a] + reach
+            if g.periodic[a] == 0 or 2 * reach + 1 >= n[a]:
+                low[a] = wp.max(low[a], 0)
+                high[a] = wp.min(high[a], n[a] - 1)
+            if g.periodic[a] != 0 and 2 * reach + 1 >= n[a]:
+                low[a] = 0
+                high[a] = n[a] - 1
         if found == 0:
-            for x in range(-reach[0], reach[0] + 1):
-                for y in range(-reach[1], reach[1] + 1):
-                    for z in range(-reach[2], reach[2] + 1):
-                        p = around(i, x, n[0], g.periodic[0])
-                        q = around(j, y, n[1], g.periodic[1])
-                        r = around(k, z, n[2], g.periodic[2])
-                        if p >= 0 and q >= 0 and r >= 0:
-                            found = wp.max(found, holds[(p * n[1] + q) * n[2] + r])
+            for x in range(low[0], high[0] + 1):
+                for y in range(low[1], high[1] + 1):
+                    row = (around(x, n[0]) * n[1] + around(y, n[1])) * n[2]
+                    for z in range(low[2], high[2] + 1):
+                        found = wp.max(found, holds[row + around(z, n[2])])
         near_out[c] = found
 
     return wp.kernel(near, name=f"tiles_near_{dim}d_{t.name}", module=module, enable_backward=False)

@@ -61,12 +61,14 @@ def test_viscosity_slows_vortices_at_the_rate_of_theory(nu):
     assert -np.log(sim.indicators()["fluid_energy"] / before) / 2.0 == pytest.approx(4.0 * nu, rel=0.005)
 
 
-# extrema on the centre lines: least u, most and least v (Botella, Peyret 1998, tables 9 and 10)
-CAVITY = {100: (-0.2140424, 0.1795728, -0.2538030), 1000: (-0.3885698, 0.3769447, -0.5270771)}
+# extrema on the centre lines: least u, most and least v (Botella, Peyret 1998, tables 9 and 10; at 400, which they have not,
+# Marchi, Suero, Araki 2009, on 1024 x 1024 cells)
+CAVITY = {100: (-0.2140424, 0.1795728, -0.2538030), 400: (-0.3287295, 0.3038323, -0.4540580),
+          1000: (-0.3885698, 0.3769447, -0.5270771)}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("Re", "n", "seconds", "layers"), [(100, 64, 15, False), (1000, 128, 60, True)])
+@pytest.mark.parametrize(("Re", "n", "seconds", "layers"), [(100, 64, 15, False), (400, 128, 30, True), (1000, 128, 60, True)])
 def test_a_lid_drives_air_round_a_cavity(Re, n, seconds, layers):
     """When nothing changes any more; the extremum of a parabola through three faces."""
     lid = np.zeros((6, 3))

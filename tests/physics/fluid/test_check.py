@@ -6,7 +6,8 @@ import pytest
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene import Motion, Scene
 from wsim.scene.check.scene import check
-from wsim.scene.solids import Sphere
+from wsim.scene.solids import Box, Sphere
+from wsim.simulation.simulation import Simulation
 
 ROOM = {"low": (0, 0, 0), "high": (1, 1, 1), "cell": 0.1}
 
@@ -57,6 +58,18 @@ def test_a_fluid_that_is_seldom_meant_is_warned_of(more, words):
 def test_a_source_that_gives_nothing_is_told(more, kind, words):
     source = Source("/s", **({"shape": Sphere(0.1), "smoke": 1.0, "motion": Motion.at_place((0.5, 0.5, 0.5))} | more))
     assert any(p.startswith(f"{kind}: /s: ") and words in p for p in said(Fluid("/f", **ROOM), source))
+
+
+@pytest.mark.parametrize(("place", "filled"), [((0.5, 0.5, 0.5), True), ((0.5, 0.5, 5.0), False)])
+def test_an_obstacle_that_fills_the_box_is_warned_of_and_nothing_moves(place, filled):
+    scene = Scene(frames=2, fps=20.0, gravity=(0.0, -9.81, 0.0))
+    scene.add(Fluid("/f", (0, 0, 0), (1, 1, 0.125), 0.125))
+    scene.add(Source("/s", Sphere(0.2), smoke=1.0, temperature=100.0, motion=Motion.at_place((0.5, 0.5, 0.0))))
+    scene.collider("/block", Box((2.0, 2.0, 2.0)), at=place)
+    assert any("warning: /f: /block fills all of it" in str(p) for p in check(scene)) == filled
+    sim = Simulation(scene, device="cpu")
+    sim.run()
+    assert (sim.indicators()["fluid_speed"] == 0.0) == filled and np.isfinite(sim.indicators()["fluid_smoke"])
 
 
 def test_what_is_sound_is_not_complained_of():

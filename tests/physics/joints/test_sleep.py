@@ -24,13 +24,13 @@ def chain(name: str, z: float = 0.0, n: int = 3, **last) -> list:
                     for k in range(n)]
 
 
-def sleepy(*things, speed: float = 0.05, **more) -> Simulation:
+def sleepy(*things, speed: float = 0.05, device: str = "cpu", **more) -> Simulation:
     bodies = [thing for thing in things if hasattr(thing, "colliders")]
     scene = replace(world(*bodies, **more).given, sleep_speed=speed)
     for thing in things:
         if not hasattr(thing, "colliders"):
             scene.add(thing)
-    return Simulation(scene, device="cpu", precision="float64")
+    return Simulation(scene, device=device, precision="float64")
 
 
 def arm(drive: Drive, **more) -> list:

@@ -26,6 +26,7 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
             wrong = True
     if not wrong and fluid.cell > 0.0:
         yield from _box(fluid)
+        yield from _filled(fluid, scene)
     yield from _sides(fluid)
     for name, found, allowed in (("advection", fluid.advection, ADVECTION),
                                  ("scalar_advection", fluid.scalar_advection, SCALARS),
@@ -65,6 +66,18 @@ def _part(fluid: Fluid) -> Iterator[Problem]:
     if fluid.velocity is not None and np.any(fluid.velocity):
         yield warning(path, "its air has a velocity at the start, and stays so but for a margin around smoke, heat and sources",
                       "margin 0 where air moves elsewhere", "leave margin out")
+
+
+def _filled(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
+    """Convex obstacles that have all corners of its box within themselves at the start, and so all of it."""
+    corners = np.stack(np.meshgrid(*zip(fluid.low, fluid.high, strict=True), indexing="ij"), -1).reshape(8, 3)
+    for collider in scene.colliders:
+        frame = collider.motion.values[0]
+        if not isinstance(collider.shape, Surface) and np.isfinite(frame).all():
+            local = (corners - frame[:3, 3]) @ frame[:3, :3]
+            if (row(collider.shape).distance(collider.shape, local) < 0.0).all():
+                yield warning(fluid.path, f"{collider.path} fills all of it: there is no air", "obstacles that leave some",
+                              f"move {collider.path}, or the domain")
 
 
 def _kept(fluid: Fluid) -> Iterator[Problem]:

@@ -1,7 +1,11 @@
-"""Rigid bodies as fluids meet them: the colliders of each that meet anything, but planes. NumPy only."""
+"""What else than colliders fluids meet: rigid bodies, by their colliders that meet anything, but planes; surfaces of cloth and
+soft bodies. NumPy only."""
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from wsim.scene import Surface
 from wsim.scene.curve import Motion
 from wsim.scene.solids import Plane, Shape
 
@@ -26,3 +30,29 @@ def shells(scene) -> list[Shell]:
     return [Shell(c.path, c.shape, Motion.still(body.motion.at(0.0) @ c.motion.at(0.0)), k)
             for k, body in enumerate(scene.things("Body")) for c in body.colliders
             if c.meets and not isinstance(c.shape, Plane)]
+
+
+@dataclass
+class Sheet:
+    """The surface of a cloth or soft body of one world.
+
+    path      prim path
+    shape     its triangles where the scene starts, from the body's origin
+    motion    that origin
+    rows      of the points of the state, of each point of the shape
+    """
+
+    path: str
+    shape: Surface
+    motion: Motion
+    rows: np.ndarray
+
+
+def sheets(model, world: int = 0) -> list[Sheet]:
+    found = []
+    for body in model.bodies:
+        if body.world == world and len(body.triangles):
+            rows, corners = np.unique(body.triangles, return_inverse=True)
+            shape = Surface(body.places[rows - body.first], np.full(len(body.triangles), 3), corners.ravel())
+            found.append(Sheet(body.path, shape, Motion.at_place(tuple(body.origin)), rows))
+    return found

@@ -115,7 +115,7 @@ class Fuser:
 
     def module(self, shape: Shape) -> str:
         """Module of the kernel: apart from those that it is made of."""
-        name = f"{self.model.module}_fused_{shape.kind}{shape.blocks}"
+        name = f"{self.model.module}_fused_{shape.kind}{shape.blocks}x{shape.threads}"
         self.model.modules[name] = shape.threads
         return name
 

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 def build(b: Build) -> Explicit:
     return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.within,
-                    b.methods.find("hard pins"), b.free and not b.others_within)
+                    b.methods.find("hard pins"), b.free and not b.others_within or b.alone)
 
 
 class Explicit(Method):
@@ -261,7 +261,8 @@ class Explicit(Method):
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
         if self.free:
-            self.free.meet(others.find("contact").clearance)
+            contact = others.find("contact")
+            self.free.meet(contact.clearance if contact else others.find("clearance"))
 
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("doubt")] if status.said(THROWN)[0] else []

@@ -96,8 +96,7 @@ class Rigid(Method):
             self.stages = self.touch.stages
             self.offers["movers"] = self.touch
             return
-        rate = "substep" if self.recorded else "frame"
-        phase = "pose" if dressed(b.scene) else "predict"            # before what follows them
+        rate, phase = "substep" if self.recorded else "frame", "pose" if dressed(b.scene) else "predict"   # before followers
         self.stages.append(Stage("rigid bodies", phase, self.advance, launches, self.part.bytes, rate, what))
 
     def _begin(self, frames: np.ndarray) -> None:

@@ -35,6 +35,8 @@ class Guarantee:
         wp.capture_if(near.word(pairs.OUT), lambda: self.anew(at, again))
         wp.capture_if(near.word(pairs.NEAR), lambda: self.prove(at))
         wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d))
+        wp.capture_if(near.word(pairs.STRAYED), lambda: self.astray(at, again))
+        wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d))
         wp.capture_while(near.word(pairs.LEFT), lambda: self.shrink(at, d, said))
         self.model.launch(self.tell, 1, [near.pairs], [near.words, said])
 
@@ -43,8 +45,14 @@ class Guarantee:
         self.near.word(pairs.OUT).zero_()
         again()
 
+    def astray(self, at, again) -> None:
+        """Projections led points out of their tubes: a list of where they are, and its pairs are proven."""
+        self.anew(at, again)
+        self.prove(at)
+
     def begin(self, at) -> None:
         """Looks at pairs where the substep begins."""
+        self.near.pairs.rows.zero_()
         self.each(self.inspect, [self.surfaces.data, at, 0], [self.near.pairs, self.near.words])
 
     def certify(self, at) -> None:

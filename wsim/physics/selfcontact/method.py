@@ -14,9 +14,10 @@ import numpy as np
 
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import cut, pairs, rows
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Remedy, Stage
 from wsim.model.status import Status
 from wsim.model.structs import filled
+from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import Guarantee
 from wsim.physics.selfcontact.near import Near
 from wsim.physics.selfcontact.surfaces import Surfaces
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 SAID = "self-contact"  # status words, see kernels/selfcontact/cut.py
-SWEEPS, BEHIND = 3, 12           # of contact rows: in an iteration of XPBD, behind another solver
+SWEEPS, BEHIND, LAST = 3, 24, 24 # of contact rows: in an iteration of XPBD, behind another solver, behind XPBD's last
 ROUNDS, MORE = 16, 3             # projections of what is not certified, at most; times as many in a frame that lost too much
 LOSS = 5                         # percent of its motion that a point may lose in a substep before the frame is repeated
 RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of their thicknesses
@@ -47,7 +48,7 @@ class SelfContact(Method):
 
     def __init__(self, b: Build):
         super().__init__("selfcontact")
-        self.model, self.state, self.status = b.model, b.state, b.status
+        self.model, self.state, self.status, self.clock = b.model, b.state, b.status, b.clock
         self.points = b.methods.find("points")
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
@@ -57,14 +58,24 @@ class SelfContact(Method):
         self.lean, self.press = rows.lean(real, module), rows.press(real, module)
         self.total = np.zeros(cut.SAID, np.int64)
         self.frames = self.repeats = 0
-        self.often = self.fresh = False
-        within = b.choice.solver == "xpbd"
+        self.often, self.fresh, self.busy = False, False, True
+        self.within = within = b.choice.solver == "xpbd"
         self.sweeps = SWEEPS if within else BEHIND
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         self.stages = [
             Stage("near pairs", "collide", self.find, 1, 0, what=what),
             Stage("self-contact", "solve", self.touch, 3 * self.sweeps, 0, "iteration" if within else "substep", "near pairs"),
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
+        for stage in self.stages:
+            stage.frames = MET
+        self.apart = Apart(self, b)
+        self.stages.append(self.apart.stage)
+        self.offers = {"clearance": self.apart}
+
+    @property
+    def said(self):
+        """Words of a frame, on the device."""
+        return self.status.word(SAID)
 
     def at(self):
         s = self.state
@@ -78,36 +89,45 @@ class SelfContact(Method):
 
     def touch(self, clock: Clock) -> None:
         import warp as wp
-        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock))
+        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
+        if self.within and clock.i == clock.iterations - 1:
+            wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))
 
-    def sweep(self, clock: Clock) -> None:
+    def sweep(self, clock: Clock, count: int) -> None:
         """Sweeps over all pairs."""
         near, data, at, d, climb = self.near, self.surfaces.data, self.at(), self.state.d, RECOVERY * clock.h
-        for _ in range(self.sweeps):
-            self.guarantee.each(self.lean, [at, climb, near.pairs], [near.sums])
-            self.guarantee.each(self.press, [data, at, climb, near.pairs], [near.sums])
+        threads = near.pairs.capacity if self.model.device.is_cuda else 1
+        for k in range(count):
+            self.model.launch(self.lean, threads, [at, climb, int(k == count - 1), threads, near.pairs], [near.sums])
+            self.model.launch(self.press, threads, [data, at, climb, threads, near.pairs], [near.sums])
             self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, d, near.sums], [d])
 
     def keep(self, clock: Clock) -> None:
         def again() -> None:
             self.near.search(self.at())
             self.guarantee.begin(self.at())
-        self.guarantee.keep(self.at(), self.state.d, again, self.status.word(SAID))
+        self.guarantee.keep(self.at(), self.state.d, again, self.said)
 
     # around a frame
 
     def enter(self, clock: Clock) -> None:
         self.often, self.fresh = False, True
+        self.apart.enter(clock, self.busy)
 
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.fresh:
             self.near.build()
+        else:
+            self.near.anew()
         self.near.allow(ROUNDS * MORE if self.often else ROUNDS)
         self.fresh = False
 
     def retry(self, status: Status) -> list[Remedy]:
         said = status.said(SAID)
         wanted = int(said[cut.WANTED])
+        self.busy = bool(said[cut.BUSY])
+        if self.clock.free:
+            return [Remedy("meet")] if self.busy or wanted else []
         if wanted:
             return [Remedy("grow", lambda: self.grow(wanted))]
         if said[cut.LOST] > LOSS and not self.often:

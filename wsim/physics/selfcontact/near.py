@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from wsim.model.model import Model
     from wsim.physics.selfcontact.surfaces import Surfaces
 
+LANES, MANY = 256, 16384         # partial sums of moments; points from which there are FOLD times as many
+AHEAD = 4.0            # substeps that an axis leads ahead at most
 EACH = 4               # pairs a point that there is room for at first
+EPOCHS = 1 << 16       # substeps that a frame has fewer of
 REBUILT = 48           # frames after which trees are built anew: boxes of what has folded overlap
 
 
@@ -36,13 +39,16 @@ class Near:
                            factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
         self.frames = filled(tubes.frames(real), rigid=zeros(3, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
                              start=zeros(n, dtype=t.vec3), goal=zeros(n, dtype=t.vec3))
-        self.moments = [zeros((rows, tubes.COLUMNS), dtype=real) for rows in (tubes.LANES, tubes.LANES // tubes.FOLD, 1)]
+        self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
+        self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
+                        if tubes.FOLD**k <= self.lanes]
         self.trees: list[wp.Bvh] = []
         self.low, self.high = ([zeros(len(each), dtype=wp.vec3f) for each in (surfaces.triangles, surfaces.edges)]
                                for _ in range(2))
         self.groups = [model.upload(surfaces.world[each[:, 0]], int) for each in (surfaces.triangles, surfaces.edges)]
         self.root = [zeros(model.worlds, dtype=int) for _ in range(2)]
         self.age = self.rounds = 0
+        self.epoch = 1
         self.room(max(1024, EACH * len(surfaces.points)))
 
     def room(self, capacity: int) -> None:
@@ -51,11 +57,22 @@ class Near:
         scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push")
         self.pairs = filled(
             pairs.lists(self.model.real), capacity=capacity, count=wp.zeros(1, dtype=int, device=self.model.device),
-            ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad")},
+            ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
+            rows=wp.zeros(1, dtype=int, device=self.model.device),
             **{k: zeros(dtype=t.scalar) for k in scalars}, **{k: zeros(dtype=t.vec3) for k in vectors})
+        self.anew()
+
+    def anew(self) -> None:
+        """What a frame that was given up has left does not count."""
+        self.frames.rigid.zero_()
         words = self.words.numpy()
-        words[pairs.SOON], words[pairs.EPOCH] = 1, words[pairs.EPOCH] + 1
+        words[:] = 0
+        words[pairs.SOON], words[pairs.EPOCH], words[pairs.ROUNDS] = 1, self.epoch, self.rounds
+        self.epoch += EPOCHS
         self.words.assign(words)
+        self.sums.share.zero_()
+        self.sums.move.zero_()
+        self.sums.factor.fill_(1.0)
 
     def build(self) -> None:
         """Trees over boxes where the points start, or anew over what they hold; not captured."""
@@ -94,16 +111,16 @@ class Near:
     def move(self, at, fresh: int) -> None:
         """The rigid motion of the substep, by what `at` holds; fresh 1: A begins anew."""
         launch, m = self.model.launch, self.moments
-        launch(self.tally, tubes.LANES, [self.surfaces.data, at, self.frames], [m[0]])
+        launch(self.tally, self.lanes, [self.surfaces.data, at, self.frames, self.lanes], [m[0]])
         for rows, out in zip(m[:-1], m[1:], strict=True):
             launch(self.fold, (out.shape[0], tubes.COLUMNS), [rows], [out])
         launch(self.fit, 1, [m[-1], fresh], [self.frames])
 
-    def search(self, at) -> None:
-        """Makes the list, along the paths that `at` holds."""
+    def search(self, at, ahead: float = AHEAD) -> None:
+        """Makes the list, along the paths that `at` holds, and so many times as far ahead."""
         launch, s, f = self.model.launch, self.surfaces, self.frames
         self.move(at, 1)
-        launch(self.axes, len(s.points), [s.data, at], [f])
+        launch(self.axes, len(s.points), [s.data, at, ahead], [f])
         self._boxes()
         self.pairs.count.zero_()
         widest = s.thickness + s.data.radius

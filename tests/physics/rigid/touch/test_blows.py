@@ -34,6 +34,38 @@ def test_velocities_that_are_read_have_all_momentum_in_each_frame(way, rest):
         assert np.abs(read(sim) - before).max() < 1e-6 * Mixed(sim).moved
 
 
+def energy(sim) -> float:
+    """Kinetic energy [J] of points and bodies near them, as they are read, and what the sheet stores where that is said."""
+    seen, v = Mixed(sim), sim.plan.state.v.numpy().astype(np.float64)
+    indicators = sim.indicators()
+    method = sim.plan.method("rigid")
+    bodies = 0.5 * seen.mass * (seen.speeds**2).sum(1) + 0.5 * (method.read("L") * seen.spins).sum(1)
+    return float(0.5 * seen.m @ (v * v).sum(1) + bodies[seen.near].sum() + indicators.get("elastic_energy", 0.0))
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_ball_without_restitution_and_friction_gives_a_sheet_no_more_energy_than_it_has(way):
+    struck = ball("/ball", (0.03, 0.16, 0.02), 0.15, velocity=(0.0, -2.0, 0.3), mass=0.2, rub=0.0)
+    sim = run(scene(struck, gravity=FREE, rub=0.0,
+                    **by(way)))
+    first = energy(sim)
+    for _ in range(8):
+        sim.step()
+        assert energy(sim) < first * (1.0 + 1e-5)
+    assert energy(sim) > 0.2 * first
+
+
+@pytest.mark.parametrize("way", ["xpbd", "xpbd bdf2", "leapfrog"])
+def test_an_elastic_blow_keeps_energy(way):
+    """A flat box on a plate of points, restitution 1: to 1 %."""
+    sim = run(scene(box("/box", (0.0, 0.23, 0.0), (0.6, 0.2, 0.6), rest=1.0, velocity=(0.0, -1.5, 0.0), mass=0.6, rub=0.0),
+                    gravity=FREE, rub=0.0, **by(way)))
+    sim.run(4)
+    seen = Mixed(sim)
+    assert seen.speeds[seen.near][0, 1] == pytest.approx(-1.5 * (0.6 - 0.2) / (0.6 + 0.2), rel=1e-3)
+    assert energy(sim) == pytest.approx(0.5 * 0.6 * 1.5**2, rel=1e-2)
+
+
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("ratio", [0.01, 1.0, 100.0])
 def test_what_a_ball_gives_a_sheet_it_has_lost(way, ratio):

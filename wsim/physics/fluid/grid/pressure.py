@@ -101,7 +101,8 @@ class Pressure:
     def find(self) -> None:
         """The pressure p of the right-hand side r, which becomes what is left of it."""
         self._level()
-        self.p.zero_()
+        if not self.direct:
+            self.p.zero_()
         self.solver.sum(self.r, self.r)
         self.solver.conclude(START, self.tolerance)
         if self.direct:
@@ -112,7 +113,7 @@ class Pressure:
         s = self.solver
         if self.direct:
             self.direct.cycle()                                # of r into z
-        self.threads.sum(self.multiply, s.parts, [self.multigrid.grids[0].table, self.z], [self.p, self.r, s.part])
+        self.threads.sum(self.multiply, s.parts, [self.multigrid.grids[0].table, self.z, s.numbers], [self.p, self.r, s.part])
         s.conclude(CHECK, self.tolerance, AGAIN)
 
     def _iterate(self) -> None:

@@ -32,8 +32,15 @@ def closed(triangles: np.ndarray) -> bool:
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all()) and len(triangles) > 0
 
 
+def forms(thing: Any) -> bool:
+    """True of a mesh whose points move."""
+    poses = getattr(thing.shape, "poses", None)
+    return getattr(thing, "rows", None) is not None or poses is not None and (poses.moves or hasattr(poses, "skeleton"))
+
+
 def kinds(things: list) -> tuple[str, ...]:
-    return tuple(sorted({kind(thing.shape) for thing in things}))
+    """Kinds of their shapes, "forming" among them where a mesh's points move."""
+    return tuple(sorted({kind(thing.shape) for thing in things} | {"forming" for thing in things if forms(thing)}))
 
 
 def half_thickness(shape: Any) -> float:
@@ -57,7 +64,8 @@ class Shapes:
         self.things, self.corner, self.model, self.cell = things, np.asarray(corner, np.float64), model, cell
         t, n = types(model.real), len(things)
         self.kinds = kinds(things)
-        self.meshes = [self._mesh(thing.shape) if isinstance(thing.shape, Surface) else None for thing in things]
+        self.meshes = [self._mesh(thing) if isinstance(thing.shape, Surface) else None for thing in things]
+        self.state: Any = None                                 # that `Sheet`s follow (`wsim.physics.fluid.shells`)
         least = 0.5 * sqrt(len(axes)) * cell if walls else 0.0
         self.thick = thick = [max(0.0, least - half_thickness(thing.shape)) for thing in things]
         size = [(0.0, 0.0, 0.0) if isinstance(thing.shape, Surface) else row(thing.shape).size(thing.shape) for thing in things]
@@ -70,6 +78,7 @@ class Shapes:
             speed=wp.zeros(n, dtype=t.vec3, device=model.device), spin=wp.zeros(n, dtype=t.vec3, device=model.device),
             body=model.upload(np.array([getattr(thing, "body", -1) for thing in things], np.int32), int),
             axes=wp.vec3i(*axes, *(0,) * (3 - len(axes))), dx=model.real(cell))
+        self.follow = kernels.follow(model.real, model.module) if any(hasattr(thing, "rows") for thing in things) else None
         self.shift = np.zeros((n, 3))                          # [m] added to where motions say that they are
         self.pose(0.0, 1.0)
 
@@ -77,10 +86,27 @@ class Shapes:
         name = kind(thing.shape)
         return {"solid": SOLID, "sheet": SHEET}[name] if name in ("solid", "sheet") else convex.code(name)
 
-    def _mesh(self, shape: Surface) -> wp.Mesh:
+    def _mesh(self, thing: Any) -> wp.Mesh:
+        shape, device = thing.shape, self.model.device
         triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
-        return wp.Mesh(points=wp.array(shape.points, dtype=wp.vec3f, device=self.model.device),
-                       indices=wp.array(triangles.ravel(), dtype=int, device=self.model.device))
+        rates = wp.zeros(len(shape.points), dtype=wp.vec3f, device=device) if forms(thing) else None
+        return wp.Mesh(wp.array(shape.points, dtype=wp.vec3f, device=device),
+                       wp.array(triangles.ravel(), dtype=int, device=device), rates)
+
+    def _form(self, time: float, dt: float) -> None:
+        """Points of meshes where the frame begins, and how fast they move through it."""
+        for thing, mesh in zip(self.things, self.meshes, strict=True):
+            if mesh is None or not forms(thing):
+                continue
+            if getattr(thing, "rows", None) is None:
+                first, last = (np.asarray(thing.shape.poses.at(t), np.float64) for t in (time, time + dt))
+                mesh.points.assign(first.astype(np.float32))
+                mesh.velocities.assign(((last - first) / dt).astype(np.float32))
+            elif self.state is not None:
+                rows = self.model.upload(thing.rows.astype(np.int32), int)
+                self.model.launch(self.follow, len(thing.rows), [rows, self.state.x, self.state.v],
+                                  [mesh.points, mesh.velocities])
+            mesh.refit()
 
     def ball(self, k: int) -> float:
         """Radius about its own origin that holds a shape [m]."""
@@ -90,7 +116,7 @@ class Shapes:
 
     @property
     def moving(self) -> bool:
-        return any(thing.motion.moves for thing in self.things) or self.bodies
+        return any(thing.motion.moves or forms(thing) for thing in self.things) or self.bodies
 
     @property
     def bodies(self) -> bool:
@@ -99,6 +125,7 @@ class Shapes:
 
     def pose(self, time: float, dt: float) -> None:
         """Uploads where the frame from `time` [s] begins, and how fast all moves through it, dt [s] long."""
+        self._form(time, dt)
         first, last = (np.array([thing.motion.at(t) for thing in self.things]) for t in (time, time + dt))
         turns = [rotation.axis_angle(B[:3, :3] @ A[:3, :3].T) for A, B in zip(first, last, strict=True)]
         turn = np.array([angle * axis for axis, angle in turns]).reshape(-1, 3)

@@ -24,7 +24,7 @@ class Tiles:
         self.count = prod(kernels.shape(layout.n))
         self.holds, self.near = (threads.zeros(self.count, int) for _ in range(2))
         self.speed = threads.zeros(1)
-        self.mark_kernel, self.near_kernel = kernels.mark(dim, real, module), kernels.near(dim, real, module)
+        self.mark_kernel, self.near_kernel = kernels.mark(dim, both, real, module), kernels.near(dim, real, module)
         self.scheme, self.pairs = scheme, False
         self._kernels(scheme, both)
 
@@ -37,9 +37,7 @@ class Tiles:
     def mark(self) -> None:
         """Finds the tiles that hold some, of whatever has been put into the scalars."""
         self.holds.zero_()
-        for q in self.now:
-            if q is not None:
-                self.threads.over(self.mark_kernel, self.layout.cells, [self.grid, q], [self.holds])
+        self.threads.over(self.mark_kernel, self.layout.cells, [self.grid, *self.now], [self.holds])
 
     def approach(self, u: Any, clock: wp.array) -> None:
         """Finds the tiles that are near, where u carries over a step."""

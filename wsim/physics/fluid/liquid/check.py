@@ -8,7 +8,7 @@ from wsim.physics.fluid.check import LEAST, LONG
 from wsim.physics.fluid.liquid.objects import KINDS, ROLES, TRANSFERS, Liquid, LiquidSource
 from wsim.physics.fluid.liquid.seeds import filling
 from wsim.physics.fluid.objects import SIDES
-from wsim.scene import Plane, Problem, Scene, Surface
+from wsim.scene import Plane, Problem, Scene, Springs, Surface
 from wsim.scene.check.objects import error, number, rigid, surface, warning
 from wsim.scene.solids import row
 
@@ -36,8 +36,9 @@ def _liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
         yield warning(path, f"tolerance is {liquid.tolerance:g}, which float32 does not reach", "1e-6 or more",
                       "give a larger one, or float64")
     for cloth in scene.bodies():
-        yield warning(path, f"{cloth.path} passes through it: liquids do not meet cloth, springs and soft bodies", "colliders",
-                      "give the cloth's shape as a collider, or leave it out")
+        does = "passes through it" if isinstance(cloth, Springs) else "moves it, and does not feel it"
+        yield warning(path, f"{cloth.path} {does}: surfaces of cloth and soft bodies are walls that move, and liquids do not "
+                      "push them", "rigid bodies, which do feel it", "go on where that is enough, else make it a rigid body")
         break
 
 

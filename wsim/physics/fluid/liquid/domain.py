@@ -16,6 +16,7 @@ from wsim.kernels.fluid.pressure import FREE
 from wsim.kernels.math.real import types
 from wsim.kernels.particles import extend, fill, motion, transfers
 from wsim.kernels.particles.gravity import pull
+from wsim.kernels.particles.sides import keep
 from wsim.kernels.particles.wet import wet
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.layout import Layout
@@ -75,6 +76,8 @@ class Domain:
         self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
         self.extend = extend.extend(dim, real, module)
         self.move = motion.move(dim, some, real, module)
+        met = self.obstacles.shapes.kinds if some else ()
+        self.keep = keep(dim, met, real, module) if {"sheet", "forming"} <= set(met) else None
         self.fastest = motion.fastest(real, module)
         self.begin, self.next = steps.begin(real, module), steps.next(real, module)
 
@@ -169,8 +172,13 @@ class Domain:
                 getattr(self.d, AXES[a]).zero_()
             self.surface.spread(self.d, self.known, SPREAD)
             self._extend(self.d)
+        if self.keep:
+            wp.copy(self.order.aside.x, self.particles.x)
         inputs = [self.grid, self.u, self.d, self.clock, self._nodes(), o.phi if o else None, self.particles]
         threads.over(self.move, self.order.room, inputs, [self.particles])
+        if self.keep:
+            inputs = [self.grid, o.shapes.table, self.clock, self.order.aside.x, self.particles]
+            threads.over(self.keep, self.order.room, inputs, [self.particles.x])
         threads.over(self.next, 1, [self.done], [self.clock, self.going])
 
     def _nodes(self) -> Any:

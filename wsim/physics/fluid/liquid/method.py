@@ -18,7 +18,7 @@ from wsim.physics.fluid.liquid.domain import Domain
 from wsim.physics.fluid.liquid.measure import measures, sample
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
 from wsim.physics.fluid.liquid.seeds import filling, seeds
-from wsim.physics.fluid.shells import shells
+from wsim.physics.fluid.shells import sheets, shells
 from wsim.scene.samples import Sample
 
 FIELDS = (Field("x", "m", True, "from the low corner, along the axes of the grid"), Field("v", "m/s", True, "velocity"))
@@ -42,7 +42,7 @@ class Liquids(Method):
 
     def __init__(self, b):
         super().__init__("liquid")
-        self.model, self.scene, self.status, self.base = b.model, b.scene, b.status, b.clock.substeps
+        self.model, self.scene, self.status, self.state, self.base = b.model, b.scene, b.status, b.state, b.clock.substeps
         self.rigid = b.methods.find("bodies") if shells(b.scene) else None
         liquids = b.scene.things("Liquid")
         self.pairs = [(liquid, world) for world in range(b.model.worlds) for liquid in liquids]
@@ -92,9 +92,12 @@ class Liquids(Method):
 
     def _domain(self, k: int) -> Domain:
         liquid, world = self.pairs[k]
-        obstacles = [*self.scene.colliders, *shells(self.scene)]
-        return Domain(self.threads, liquid, world, obstacles, acting(liquid, self.scene), self._particles(k),
+        obstacles = [*self.scene.colliders, *shells(self.scene), *sheets(self.model, world)]
+        domain = Domain(self.threads, liquid, world, obstacles, acting(liquid, self.scene), self._particles(k),
                       self.numbers[k].arrays["numbers"], self._afloat if self.rigid else None)
+        if domain.obstacles:
+            domain.obstacles.shapes.state = self.state
+        return domain
 
     def _afloat(self, domain: Domain, obstacles: Any) -> Any:
         """The bodies of a domain."""
@@ -197,4 +200,5 @@ def signature(b) -> list:
                 [side == "open" for side in x.sides], [side == "periodic" for side in x.sides])
                for x in b.scene.things("Liquid")]
     moved, own = any(c.motion.moves for c in b.scene.colliders), shells(b.scene)
-    return [sorted({str(x) for x in liquids}), kinds([*b.scene.colliders, *own]), moved, *["bodies"] * bool(own)]
+    met = kinds([*b.scene.colliders, *own, *sheets(b.model)])
+    return [sorted({str(x) for x in liquids}), met, moved, *["bodies"] * bool(own)]

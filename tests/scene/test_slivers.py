@@ -1,0 +1,39 @@
+"""The triangles that hold explicit steps down, against eigenvalues of one triangle's stiffness and mass."""
+
+import numpy as np
+import pytest
+
+from wsim.scene import Scene, shapes
+from wsim.scene.check.slivers import frequencies, told
+from wsim.scene.fabric import Fabric
+
+FABRIC = Fabric(stretch=800.0, thickness=1e-3, density=300.0, poisson=0.3)
+
+
+def highest(p: np.ndarray) -> float:
+    """Highest frequency [rad/s] of a triangle (3, 2) whose stress is E / (1 - nu^2) times the gradient of its displacement."""
+    area = 0.5 * abs(np.linalg.det(p[1:] - p[:1]))
+    inverse = np.linalg.inv(np.c_[np.ones(3), p])               # barycentric coordinates are rows of 1, x, y times it
+    g = inverse[1:].T
+    K = area * FABRIC.stretch / (1.0 - FABRIC.poisson**2) * g @ g.T
+    return float(np.sqrt(np.linalg.eigvalsh(K).max() / (FABRIC.density * FABRIC.thickness * area / 3.0)))
+
+
+@pytest.mark.parametrize("p", [[(0, 0), (1, 0), (0, 1)], [(0, 0), (0.3, 0), (0.15, 1e-4)], [(0, 0), (2, 0.1), (1.0, 3.0)]])
+def test_a_triangle_is_as_fast_as_its_stiffness_over_its_mass(p):
+    p = np.array(p, np.float64)
+    cloth = Scene().cloth("/cloth", np.c_[p, np.zeros(3)], [3], [0, 1, 2], material=FABRIC)
+    omega, face = frequencies(cloth)
+    assert omega == pytest.approx([highest(p)], rel=1e-9) and face.tolist() == [0]
+
+
+def test_a_sliver_is_named_by_its_face_and_a_grid_has_none():
+    scene = Scene()
+    points, counts, indices = shapes.sheet(1.0, 1.0, 6, 6)
+    scene.cloth("/good", points, counts, indices, material=FABRIC)
+    assert told(scene) == []
+    flat = np.array([[3.0, 0.0, 0.0], [3.2, 0.0, 0.0], [3.1, 1e-4, 0.0]])
+    scene.cloth("/bad", np.r_[points, flat], [*counts, 3], [*indices, len(points), len(points) + 1, len(points) + 2],
+                material=FABRIC)
+    (text,) = told(scene)
+    assert text.startswith("/bad: 1 of 73 triangles") and f"faces {len(counts)}" in text

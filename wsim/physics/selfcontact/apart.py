@@ -1,0 +1,67 @@
+"""Frames in which no two surfaces come near each other: they leave all stages of self-contact out.
+
+A frame is looked at as a whole where it ends. Every point went from where it began to where it is; if the list of near pairs
+was empty, and points are in the tubes that it was made with (kernels/selfcontact/tubes.py), no surfaces have met on straight
+ways beside the common motion. Points that have left their tubes ask for a list along the ways of the frame; where that is
+empty, the frame holds too. Else it is repeated with all stages. An explicit integrator on which nothing else acts takes such frames
+whole.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import pairs, tubes
+from wsim.model.stage import FREE, Clock, Stage
+from wsim.model.structs import filled
+
+if TYPE_CHECKING:
+    from wsim.physics.selfcontact.method import SelfContact
+    from wsim.simulation.methods import Build
+
+ENDLESS = 1e30         # [m] that points may go within explicit frames: they are looked at where these end
+
+
+class Apart:
+    """room, word, look_at: what explicit steps ask of bounds of their own
+    (`wsim.physics.contact.clearance.Clearance`)."""
+
+    def __init__(self, method: SelfContact, b: Build):
+        self.method, self.model, self.state = method, b.model, b.state
+        real, device, n = b.model.real, b.model.device, b.model.points
+        self.way = tubes.way(real, b.model.module)
+        self.d = wp.zeros(n, dtype=types(real).vec3, device=device)
+        self.whole = b.alone
+        self.room = wp.full(n, ENDLESS, dtype=real, device=device) if b.alone else None
+        self.word = wp.zeros(1, dtype=int, device=device)
+        parts = b.state.points
+        self.x, self.e = (parts.aside[k * parts.capacity:(k + 1) * parts.capacity] for k in map(parts.names.index, ("x", "e")))
+        self.stage = Stage("apart", "deform", self.look, 8, 9 * n * np.dtype(b.model.dtype).itemsize, "frame",
+                           "tubes of a whole frame", FREE)
+
+    def enter(self, clock: Clock, busy: bool) -> None:
+        """The form that a frame takes first; colliders have had their say."""
+        apart = not busy and not clock.starting
+        contact = self.model.scene.colliders
+        clock.free = apart and (clock.free or not contact)
+        if self.whole:
+            clock.after_free = apart
+
+    def look(self, clock: Clock) -> None:
+        """Where a frame ends that had no stages of self-contact."""
+        near, s = self.method.near, self.state
+        self.model.launch(self.way, self.model.points, [self.x, s.x, s.e], [self.d])
+        at = filled(states(self.model.real), x=self.x, e=self.e, d=self.d, a=self.e)
+        near.move(at, 0)
+        near.look(at)
+        wp.capture_if(near.word(pairs.OUT), lambda: near.search(at, 1.0))
+        near.word(pairs.OUT).zero_()
+        self.model.launch(self.method.guarantee.tell, 1, [near.pairs], [near.words, self.method.said])
+
+    def look_at(self, x: wp.array, d: wp.array) -> None:
+        """Bounds within a frame: there are none."""

@@ -1,0 +1,48 @@
+"""The triangles of a cloth that hold explicit steps down. NumPy only.
+
+    omega^2 = 3 s / (rho t (1 - nu^2)) max eigenvalue of sum_k g_k g_k^T       a triangle alone, a third of its mass a corner
+
+g_k [1/m] are the gradients of its barycentric coordinates, s the stiffness along or across the warp [N/m], the greater. No mode
+of a mesh is faster than the fastest of its triangles alone (Irons, Treharne 1971), bending apart; a step is stable up to
+2 / omega. A sliver of height a has omega about sqrt(6 s / (rho t)) / a.
+"""
+
+import numpy as np
+
+from wsim.geometry.triangulate import triangulate
+from wsim.scene import Cloth, Scene
+
+FEW = 5                # faces that are named
+WORSE = 4.0            # times the median frequency from which the fastest triangles are told of
+
+
+def frequencies(cloth: Cloth) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency of each triangle at rest [rad/s], and its face, both (t,); infinite without an area."""
+    triangles, face = triangulate(cloth.points, cloth.counts, cloth.indices)
+    p = cloth.motion.points(cloth.points if cloth.rest_points is None else cloth.rest_points, 0.0)[triangles]
+    edges = p[:, [2, 0, 1]] - p[:, [1, 2, 0]]                    # opposite of each corner; |g_k| = |edge_k| / (2 area)
+    twice = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    m, each = cloth.material, np.einsum("tki,tki->tk", edges, edges)
+    trace = each.sum(axis=1)                                     # g g^T turns as the edges do, and has det = 3 / (2 area)^2
+    top = 0.5 * (trace + np.sqrt(np.maximum(trace**2 - 12.0 * twice**2, 0.0)))
+    fabric = 3.0 * max(m.stretch, m.weft) / (m.density * m.thickness * (1.0 - m.poisson**2))
+    with np.errstate(divide="ignore"):
+        return np.sqrt(fabric * top) / twice, face
+
+
+def told(scene: Scene) -> list[str]:
+    """What the worst triangles of each cloth do to explicit steps, in words."""
+    texts = []
+    for cloth in scene.cloths:
+        omega, face = frequencies(cloth)
+        if not len(omega):
+            continue
+        top, median = float(omega.max()), float(np.median(omega))
+        if top <= WORSE * median:
+            continue
+        worst = list(dict.fromkeys(face[np.argsort(-omega, kind="stable")].tolist()))[:FEW]
+        count = int((omega > WORSE * median).sum())
+        texts.append(f"{cloth.path}: {count} of {len(omega)} triangles are over {WORSE:g} times as fast as the median one: "
+                     f"alone, the fastest stands explicit steps of {2e6 / top:.3g} us, the median {2e6 / median:.3g} us; the "
+                     f"worst are faces {', '.join(map(str, worst))} (move their corners apart, or merge short edges)")
+    return texts
