@@ -82,18 +82,20 @@ def take(real, module):
 
 @cache
 def swim(real, module):
-    """Kernel over bodies. part: of the step that passes."""
+    """Kernel over bodies. part: of the step that passes; moves: whether the grid sees them elsewhere."""
     S, (Bodies, _), turned = structs(real), motion.structs(real), spun(real)
 
-    def swim(b: Bodies, clock: wp.array(dtype=real), part: real, s: S.Afloat, out: S.Afloat):
+    def swim(b: Bodies, clock: wp.array(dtype=real), part: real, moves: int, s: S.Afloat, out: S.Afloat):
         k = wp.tid()
         i = s.row[k]
         h = part * clock[0]
         p = s.p[k]
         L = s.L[k]
-        seen = turned(s.turn[k], h * motion.angular_velocity_of(s.turn[k], L, b.inverse[i]))
-        out.at[k] = s.center[k] + (h * b.w[i]) * p
-        out.seen[k] = seen
+        seen = s.seen[k]
+        if moves != 0:
+            seen = turned(s.turn[k], h * motion.angular_velocity_of(s.turn[k], L, b.inverse[i]))
+            out.at[k] = s.center[k] + (h * b.w[i]) * p
+            out.seen[k] = seen
         p = motion.kicked(p, b.push[i], b.drag[i], h)
         L = motion.kicked(L, b.torque[i], b.spin_drag[i], h)
         out.p[k] = p

@@ -81,6 +81,11 @@ def test_a_part_is_the_same_run_to_run_and_the_whole_where_it_reaches_all_sides(
     assert all(np.array_equal(ends[2][name], ends[3][name]) for name in ends[0])
 
 
+def test_a_plan_says_how_much_is_solved_and_how_wrong_that_is():
+    stage = puff(0.75).plan.method("fluid").stages[0].what
+    assert "4096 cells, of which" in stage and "a margin of 0.75" in stage and "0.1 to 0.5 % off" in stage
+
+
 def test_what_cannot_be_is_refused():
     with pytest.raises(SceneError, match="no side is open"):
         puff(0.5, sides=("closed",) * 6)

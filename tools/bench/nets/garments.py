@@ -58,17 +58,15 @@ SCENES: dict[str, Callable[[], Scene]] = {"sheet": sheet, "shirt_hung": shirt_hu
 
 def run(made: Scene, device: str, frames: int, precision: str = "float32", fused: bool = True) -> dict:
     """Median time of a frame [ms], positions (points, 3) of all bodies [m], and what was done."""
-    from wsim.physics.fused import fuser
+    from wsim.model.launches import Launches
     from wsim.simulation.simulation import Simulation
-    kept = fuser.Fuser.kernel
-    if not fused:
-        fuser.Fuser.kernel = lambda self, steps: None            # type: ignore[method-assign]
+    before, Launches.fuses = Launches.fuses, fused
     try:
         sim = Simulation(made, device=device, precision=precision)
         for _ in range(frames):
             sim.step()
     finally:
-        fuser.Fuser.kernel = kept                                # type: ignore[method-assign]
+        Launches.fuses = before
     x = sim.state.x.numpy().astype(np.float64) + sim.state.e.numpy()
     said = sim.model.fuser
     return {"ms": float(np.median(sim.milliseconds[2:])), "x": x, "substeps": sim.plan.clock.substeps,

@@ -20,6 +20,7 @@ from wsim.physics.fluid.grid.shapes import kinds
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.measure import centered, measures
 from wsim.physics.fluid.objects import Fluid, Source
+from wsim.physics.fluid.shells import shells
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Sample
 from wsim.scene.values.coverage import refuse
@@ -46,6 +47,11 @@ def reaching(fluid: Fluid, scene) -> list[Source]:
     return [s for s in scene.things("Source") if s.fluid in ("", fluid.path)]
 
 
+def met(fluid: Fluid, scene) -> list:
+    """Shells of the rigid bodies that push it and are pushed: not through a window that moves, nor a direct solve."""
+    return shells(scene) if fluid.margin == 0.0 and fluid.pressure != "direct" else []
+
+
 class Fluids(Method):
     """`domains`: one for each fluid of each world."""
 
@@ -68,6 +74,7 @@ class Fluids(Method):
         if any(fluid.margin > 0.0 for fluid, _ in self.pairs):
             b.status.reserve("fluid: reach", 6 * len(self.pairs))
         self.windows: dict[int, Any] = {}
+        self.rigid = None if b.model.gradients else b.methods.find("bodies")
         self.domains = [self._domain(k) for k in range(len(self.pairs))]
         self.settled, self.recorded = False, None
         self.offers["fluids"] = self
@@ -78,13 +85,17 @@ class Fluids(Method):
                         raise refuse(name, fluid.path, name=name)
             from wsim.physics.fluid.recorded import Recorded
             self.offers["recorded fluids"] = self.recorded = Recorded(self)
+        phase = "pose" if any(d.floating for d in self.domains) else "predict"     # before that of the bodies
         cells = sum(layout.cells for layout in self.layouts)
         how = sorted({"direct" if d.pressure.direct else "by multigrid" for d in self.domains})
         held = ' and '.join(SCALARS[name].name for name in self.carried[0])
-        where = f", {held} where there is some" if self.domains[0].tiles else ""
-        self.stages.append(Stage("fluids", "predict", self.advance, sum(d.launches for d in self.domains),
+        where, part = f", {held} where there is some" if self.domains[0].tiles else "", ""
+        if self.windows:
+            from wsim.physics.fluid.window import stated
+            part = stated([*self.windows.values()])
+        self.stages.append(Stage("fluids", phase, self.advance, sum(d.launches for d in self.domains),
                                  sum(p.bytes for p in self.parts.values()), "frame",
-                                 f"{cells} cells, {', '.join(sorted({f.advection for f, _ in self.pairs}))}, pressure "
+                                 f"{cells} cells{part}, {', '.join(sorted({f.advection for f, _ in self.pairs}))}, pressure "
                                  f"{' and '.join(how)}{where}"))
 
     # what there is
@@ -128,7 +139,11 @@ class Fluids(Method):
             from wsim.physics.fluid.window import Window
             self.windows[k] = Window(self, k, sources)
             return self.windows[k].domain
-        return Domain(self.threads, fluid, world, self.scene.colliders, sources, u, scalars)
+        bodies = met(fluid, self.scene) if self.rigid else []
+        domain = Domain(self.threads, fluid, world, [*self.scene.colliders, *bodies], sources, u, scalars)
+        if bodies:
+            domain.float(self.rigid)
+        return domain
 
     def air(self, k: int) -> np.ndarray:
         """Velocity of the air around fluid k where its sides let it in, along the grid's axes [m/s]."""
@@ -268,4 +283,5 @@ def signature(b) -> list:
                           [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))
                          for f in b.scene.things("Fluid")]
     moved = any(c.motion.moves for c in b.scene.colliders)
-    return [sorted({str(f) for f in fluids}), kinds(b.scene.colliders), moved]
+    bodies = [] if b.model.gradients else [s for f in b.scene.things("Fluid") for s in met(f, b.scene)]
+    return [sorted({str(f) for f in fluids}), kinds([*b.scene.colliders, *bodies]), moved, *["bodies"] * bool(bodies)]

@@ -24,6 +24,8 @@ from wsim.scene.solids import row
 
 ROUND = 8                # cells: sides stand at multiples of it
 LEAST = 4                # cells of margin at least
+# how far off what has risen is by, from a margin on: puff, ring and plume of tools/bench/fluid/margin.py
+MEASURED = ((1.0, "up to 0.2 %"), (0.75, "0.1 to 0.5 %"), (0.5, "0.1 to 1 %"), (0.0, "more than 1 %"))
 Box = tuple[np.ndarray, np.ndarray]                    # first cell and that behind the last one, along the grid's axes
 
 
@@ -34,6 +36,14 @@ def ball(shape: Any) -> float:
     if isinstance(shape, Surface):
         return float(np.linalg.norm(shape.points, axis=1).max(initial=0.0))
     return float(row(shape).ball(shape))
+
+
+def stated(windows: list["Window"]) -> str:
+    """What a plan says of parts that are solved."""
+    margin = min(window.fluid.margin for window in windows)
+    off = next(said for least, said in MEASURED if margin >= least)
+    return (f", of which {sum(window.domain.layout.cells for window in windows)} are solved at first: a margin of {margin:g} "
+            f"around smoke, heat and sources; what rises is {off} off")
 
 
 def joined(one: Box | None, other: Box | None) -> Box | None:

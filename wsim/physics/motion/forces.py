@@ -27,7 +27,6 @@ from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
-CLUSTERED, GRID = 8192, 65_536      # threads of points where many substeps are one launch, of a cluster and of all blocks
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 
 
@@ -84,7 +83,7 @@ class ForceGather:
         point = np.repeat(np.arange(n), np.diff(start))
         self.entry, other = spring, ids[spring].sum(1) - point
         most = int(np.diff(start).max())
-        self.lanes = _lanes(n, most, bool(model.fuser)) if self.shared else 1
+        self.lanes = _lanes(n, most) if self.shared else 1
         if self.alone:
             size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
             self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
@@ -152,7 +151,7 @@ class ForceGather:
             starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
             self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)
             if self.shared and not self.springs:
-                self.lanes = _lanes(model.points, int(np.diff(starts).max()), bool(model.fuser))
+                self.lanes = _lanes(model.points, int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
             beside(model, __name__, "element_adjoint", self, e)
@@ -212,13 +211,10 @@ def _clusters(device) -> bool:
     return device.is_cuda and min(device.arch, device.get_cuda_compile_arch()) >= 90
 
 
-def _lanes(n: int, most: int, fused: bool) -> int:
+def _lanes(n: int, most: int) -> int:
     """Threads that share a point on a GPU. H200, 12 springs a point, a launch: 1k points 4.3 us with 16, 4.6 with 4 and 10.3
-    with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1.
-    fused: threads stay for many substeps, and there are only so many of them."""
+    with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1."""
     few = 16 if n <= 8_000 else 8 if n <= 30_000 else 4 if n <= 100_000 else 2
-    while fused and few > 1 and few * n > (CLUSTERED if n <= CLUSTERED else GRID):
-        few //= 2
     return min(few, 1 << max(most - 1, 0).bit_length())
 
 

@@ -149,8 +149,12 @@ def acting(scene) -> list:
 
 def sleeps(scene) -> bool:
     """True if something may sleep: not beside points and fluids, where others may wake it."""
-    some = scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
-    return some and not (scene.bodies() or scene.things("Liquid"))
+    return asked(scene) and not (scene.bodies() or scene.things("Liquid") or scene.things("Fluid"))
+
+
+def asked(scene) -> bool:
+    """True if a scene asks for sleep."""
+    return scene.sleep_speed > 0.0 or any(body.asleep for body in scene.things("Body"))
 
 
 def touches(scene) -> bool:

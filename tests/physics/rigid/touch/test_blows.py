@@ -45,9 +45,8 @@ def energy(sim) -> float:
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_ball_without_restitution_and_friction_gives_a_sheet_no_more_energy_than_it_has(way):
-    struck = ball("/ball", (0.03, 0.16, 0.02), 0.15, velocity=(0.0, -2.0, 0.3), mass=0.2, rub=0.0)
-    sim = run(scene(struck, gravity=FREE, rub=0.0,
-                    **by(way)))
+    one = ball("/ball", (0.03, 0.16, 0.02), 0.15, velocity=(0.0, -2.0, 0.3), mass=0.2, rub=0.0)
+    sim = run(scene(one, gravity=FREE, rub=0.0, **by(way)))
     first = energy(sim)
     for _ in range(8):
         sim.step()

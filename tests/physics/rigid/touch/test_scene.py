@@ -127,6 +127,11 @@ def test_what_cannot_be_gives_way_and_says_so(change, other, said):
     assert np.array_equal(one.plan.method("rigid").poses(), two.plan.method("rigid").poses())
 
 
+def test_the_plan_says_that_bodies_beside_points_never_sleep():
+    said = "none sleeps, as points never do"
+    assert said in run(falls(sleep_speed=0.05)).plan.describe() and said not in run(falls()).plan.describe()
+
+
 def test_gradients_are_refused_by_the_body():
     with pytest.raises(SceneError, match="/ball"):
         run(falls(), gradients=True)

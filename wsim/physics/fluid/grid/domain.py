@@ -44,6 +44,7 @@ class Domain:
         self.threads, self.fluid, self.world, self.layout = threads, fluid, world, Layout.of(fluid)
         self.scalars, self.u = scalars, u
         self.words: dict[str, wp.array] = {}
+        self.floating: Any = None                              # bodies that it pushes, see `float`
         self.trace: Any = None                                 # of a recorded frame, `wsim.physics.fluid.adjoint.trace.Trace`
         layout, real, module = self.layout, model.real, threads.module
         self.sizes = [getattr(u, AXES[a]).size for a in range(layout.dim)]
@@ -139,6 +140,13 @@ class Domain:
         self.grid.air.assign(rows.astype(self.threads.model.dtype))
         self.live.assign(live.astype(self.threads.model.dtype))
 
+    def float(self, rigid: Any) -> None:
+        """Pushes the bodies of that method among its obstacles."""
+        from wsim.physics.fluid.grid.floating import Floating
+        self.floating = self.pressure.bodies = Floating(self.threads, self.layout, self.grid, self.obstacles, rigid, self.world,
+                                                        self.fluid.density)
+        self.floating.mark_by(1)
+
     def settle(self) -> None:
         """Prepares the first frame, once kernels are there: obstacles that stand, and the regions that they seal."""
         p, o = self.pressure, self.obstacles
@@ -172,10 +180,14 @@ class Domain:
             self.tiles.mark()
         blocks = threads.blocks(max(self.sizes))
         threads.sum(self.fastest, blocks, [self.u, blocks * (BLOCK if threads.cuda else 1)], [self.speed])
+        if self.floating:
+            self.floating.take(self.speed)
         threads.over(self.begin, 1, [self.speed, real(dt), real(self.fluid.cfl * self.fluid.cell), least, most],
                      [self.clock, self.going, self.words["steps"]])
         wp.capture_while(self.going, self._step)
         self._keep("u", self.u)
+        if self.floating:
+            self.floating.give(self.clock)
 
     def _keep(self, name: str, u: Any) -> None:
         if self.trace:
@@ -188,14 +200,20 @@ class Domain:
             self._reflected()
         else:
             self._split()
+        if self.floating:
+            self.floating.go(self.clock)
         self.threads.over(self.next, 1, [self.done], [self.clock, self.going])
 
     def _enter(self) -> None:
         """Obstacles, sources, decay."""
+        if self.floating:
+            self.floating.swim(self.clock, 0.5 if self.reflects else 1.0)
         if self.obstacles and self.obstacles.moving:
             self.obstacles.update()
             self.pressure.multigrid.refresh()
             self.pressure.find_region()
+        if self.floating:
+            self.floating.mark(self.pressure.multigrid.grids[0].table)
         if self.sources:
             self.sources.emit(self.live, self.clock, self.u)
         for name, kernel in self.decay.items():
@@ -212,6 +230,8 @@ class Domain:
             both = filled(Faces, x=getattr(p.open, AXES[a]), y=getattr(p.solid, AXES[a]))
             self.threads.over(kernel, v.size, [self.grid, p.low, p.high, p.p, both], [v, u, w])
         self._keep("w", self.half)
+        if self.floating:
+            self.floating.reflect(self.clock)
         self._scalars(self.half)
         self._carried(self.u, self.v, 0.5, self.half)
         self._projected(self.half, 0.5)

@@ -95,9 +95,14 @@ class Floating:
     # a step, or a part of one
 
     def swim(self, clock: wp.array, part: float = 1.0) -> None:
-        over, table, shapes = self.threads.over, self.table, self.obstacles.shapes
-        over(self.swim_kernel, self.count, [self.given, clock, self.threads.model.real(part), table], [table])
-        over(self.carry, len(shapes.things), [self.place, self.turn, table, shapes.table], [shapes.table])
+        """Weight over a part of the step, and where the grid sees the bodies."""
+        shapes = self.obstacles.shapes
+        self._kick(clock, part, 1)
+        self.threads.over(self.carry, len(shapes.things), [self.place, self.turn, self.table, shapes.table], [shapes.table])
+
+    def _kick(self, clock: wp.array, part: float, moves: int) -> None:
+        real, table = self.threads.model.real, self.table
+        self.threads.over(self.swim_kernel, self.count, [self.given, clock, real(part), moves, table], [table])
 
     def rates(self) -> None:
         """Velocities of bodies where they cover faces, into those of the obstacles."""
@@ -109,11 +114,15 @@ class Floating:
     def begin(self, level: Any, phi: wp.array | None, gravity: wp.array, clock: wp.array) -> None:
         """The equation of a step is known: which cells it is about, and the impulse that it lacks in a fluid at rest."""
         over, n = self.threads.over, self.layout.cells
-        over(self.mark_kernel, n, [self.grid, level, self.cover, phi], [self.cover.mark])
+        self.mark(level, phi)
         over(self.at_rest, n, [self.grid, self.cover, self._nodes(), self.obstacles.phi, gravity, clock], [self.rest])
         self.sum(self.rest)
         self._pushed()
         self.rates()
+
+    def mark(self, level: Any, phi: wp.array | None = None) -> None:
+        """Finds the cells whose equation knows a body."""
+        self.threads.over(self.mark_kernel, self.layout.cells, [self.grid, level, self.cover, phi], [self.cover.mark])
 
     def _nodes(self) -> Any:
         return wp.vec3i(*self.layout.nodes())
@@ -143,15 +152,24 @@ class Floating:
         self._pushed()
         wp.copy(self.aside, p)
 
-    def push(self, p: wp.array) -> None:
-        """p, of the second solve, becomes that of both; the bodies take it."""
+    def whole(self, p: wp.array) -> None:
+        """p, of the second solve, becomes that of both."""
         self.threads.over(self.both, p.size, [self.aside], [p])
+
+    def push(self, p: wp.array) -> None:
+        """The bodies take the pressure p."""
         self.sum(p)
         self._pushed()
         self.rates()
 
     def _pushed(self) -> None:
         self.threads.over(self.pushed, self.count, [self.given, self.scale, self.force, self.torque, self.table], [self.table])
+
+    def reflect(self, clock: wp.array) -> None:
+        """Between two projections: what the first has given is given again, and half a step's weight, as to the fluid (Zehnder,
+        Narain, Thomaszewski 2018)."""
+        self._pushed()
+        self._kick(clock, 0.5, 0)
 
     def go(self, clock: wp.array, part: float = 1.0) -> None:
         """A step ends."""

@@ -70,6 +70,7 @@ class Pressure:
         self.tolerance = 1e-4
         self.sealed = int(layout.sealed)                       # regions
         self.region: wp.array | None = None
+        self.bodies: Any = None                                # that it pushes (`wsim.physics.fluid.grid.floating`)
         self.gather, self.level = (make(fractions, real, module) for make in (regions.gather, regions.level))
         self.mean_kernel = regions.mean(module)
         self.inside = regions.inside(dim, real, module) if moving and layout.sealed else None
@@ -93,10 +94,14 @@ class Pressure:
             self.threads.over(self.level, self.layout.cells, [self.region, k, self.solver.numbers], [self.r])
 
     def solve(self, u: Any) -> None:
-        """The pressure p that takes the divergence off u."""
+        """The pressure p that takes the divergence off u, and moves bodies."""
+        if self.bodies:
+            self.bodies.rates()
         self.threads.over(self.divergence, self.layout.cells, [self.grid, u, self.open, self.solid, self.expansion,
                                                                  self.multigrid.grids[0].table], [self.r])
         self.find()
+        if self.bodies:
+            self.bodies.push(self.p)
 
     def find(self) -> None:
         """The pressure p of the right-hand side r, which becomes what is left of it."""
@@ -123,6 +128,9 @@ class Pressure:
         s.conclude(TURN)
         threads.over(s.turn, self.layout.cells, [s.numbers, self.z], [self.d])
         threads.sum(self.multiply, s.parts, [self.multigrid.grids[0].table, self.d], [self.w, s.part])
+        if self.bodies:
+            self.bodies.add(self.d, self.w)
+            s.sum(self.d, self.w)
         s.step(self.p, self.r, self.d, self.w)
         s.conclude(CHECK, self.tolerance)
 

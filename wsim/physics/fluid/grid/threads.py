@@ -8,9 +8,6 @@ BLOCK = 128              # threads of a block on CUDA
 BLOCKS = 2048            # of a sum at most, 16 for each processor of an H200: their parts are summed by one block
 
 
-MOST = 0                 # blocks of a launch on CUDA, whose threads go over more then; 0: a thread each
-
-
 class Threads:
     def __init__(self, model: Model):
         self.model, self.cuda = model, model.device.is_cuda
@@ -19,7 +16,7 @@ class Threads:
     def over(self, kernel, count: int, inputs: list, outputs: list) -> None:
         """A thread each."""
         if self.cuda:
-            wp.launch(kernel, count, inputs, outputs, device=self.model.device, block_dim=BLOCK, max_blocks=MOST)
+            wp.launch(kernel, count, inputs, outputs, device=self.model.device, block_dim=BLOCK)
         else:
             wp.launch(kernel, count, inputs, outputs, device=self.model.device)
 

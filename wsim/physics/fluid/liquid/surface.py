@@ -76,6 +76,7 @@ class Surface:
         if bodies:
             bodies.lean(self.p, self.phi, self.r)
             self._solve(AGAIN, bodies)
+            bodies.whole(self.p)
             bodies.push(self.p)
         self._push(self.push_kernel, u, known)
 

@@ -22,7 +22,7 @@ from wsim.kernels.rigid.touch.step import touch_step
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.structs import filled
 from wsim.physics.rigid.meetings import places_of
-from wsim.physics.rigid.solids import meeting
+from wsim.physics.rigid.solids import asked, meeting
 from wsim.physics.rigid.touch.half import Half
 from wsim.scene import Collider, Motion
 
@@ -65,6 +65,8 @@ class Touch:
         self.foreseen: Any = None                        # `wsim.physics.rigid.touch.newton.Foreseen`
         self.half: Half | None = None
         size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
+        if asked(b.scene):
+            what += "; none sleeps, as points never do"
         self.stages = [Stage("rigid bodies", "predict", self.begin, 1, size, what=what),
                        Stage("rigid bodies: places", "finish", self.end, 2, size, what="and what pushed them apart")]
 
