@@ -1,12 +1,14 @@
-"""Contact of a strand's points with colliders: a stiff spring along the normal, Coulomb friction by bristles (Cundall, Strack 1979).
+"""Contact of a strand's points with colliders: a stiff spring along the normal, and Coulomb friction by
+bristles (Cundall, Strack 1979).
 
     N = k e,  e = r - phi,  k = STIFF max(m / h^2, A)                 sinks by N / k; where |e| < w = SOFT r it begins smoothly,
                                                                      N = k (e + w)^2 / (4 w), else iterations go in and out
     F_t = -k s, |F_t| <= mu N,  s = what it has slid over the collider since it touched, cut back where it slips
 
-In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips. The N of friction is that of
-the substep before, or where there was none at most what stops the point and bears its weight, twice: one that an iteration leaves
-too deep would be thrown aside. Friction is with the collider that a point is deepest in. Colliders go straight from where they are at the start of a substep to where they are at its end.
+In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips. The N of friction is that
+of the substep before, or where there was none at most what stops the point and bears its weight, twice: one that an iteration
+leaves too deep would be thrown aside. Friction is with the collider that a point is deepest in. Colliders go straight from
+where they are at the start of a substep to where they are at its end.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -33,13 +35,13 @@ class Colliders:
     mesh: wp.array(dtype=wp.uint64)                 # of a surface
     friction: wp.array2d(dtype=wp.vec2d)            # static, dynamic, (colliders, strands)
     thick: wp.array(dtype=wp.float64)               # kept beside the strand's radius [m]
-    frame: wp.array2d(dtype=wp.mat44d)              # own frame to world, (substeps + 1, colliders): at starts and ends of substeps
+    frame: wp.array2d(dtype=wp.mat44d)              # own frame to world at the starts and ends of substeps
 
 
 @wp.struct
 class Touch:
-    """Forces of colliders on a point, and their stiffness; s: bristle in the end [m], deep: how far it is in the deepest [m], with
-    the normal force N [N]."""
+    """Forces of colliders on a point, and their stiffness; s: bristle in the end [m], deep: how far it is in the deepest [m],
+    with the normal force N [N]."""
 
     f: wp.vec3d
     K: wp.mat33d

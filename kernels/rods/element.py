@@ -6,8 +6,9 @@ Vouga, Wardetzky, Grinspun 2010 (section 4).
     kappa = ((m2_0 + m2_1).kb / 2, -(m1_0 + m1_1).kb / 2)      integrated curvatures, 2 tan(half of the turn) [1]
     twist                                                      angle from m1_0, transported along, to m1_1 [rad]
 
-Energies are those of integrated strains over the length that a point stands for: B |kappa - rest|^2 / (2 l), C (twist - rest)^2 / (2 l),
-and of an edge A (|e| / l - 1)^2 l / 2. Edges that fold back (t0.t1 = -1) have no curvature; it is held at FOLD.
+Energies are those of integrated strains over the length that a point stands for: B |kappa - rest|^2 / (2 l),
+C (twist - rest)^2 / (2 l), and of an edge A (|e| / l - 1)^2 l / 2. Edges that fold back (t0.t1 = -1) have no curvature; it
+is held at FOLD.
 """
 
 from functools import cache

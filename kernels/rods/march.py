@@ -1,7 +1,7 @@
 """Substeps of strands, all of a frame in one launch, a thread each: a strand meets no other here.
 
-BDF2, the first step of all backward Euler; each substep is solved by Newton's method to TOLERANCE of the shortest edge, or MOST
-iterations. A point that touches goes on as if it had moved evenly: the step before would make it bounce.
+BDF2; the first step of all is backward Euler, and so are those of points that touched a collider in the one before: else they
+would bounce. Each substep is solved by Newton's method to TOLERANCE of the shortest edge, or MOST iterations.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -13,28 +13,12 @@ import warp as wp
 
 from wsim.kernels.rods.contact import Colliders, Touch, touching
 from wsim.kernels.rods.element import transport, turned, upright
-from wsim.kernels.rods.system import backward, forward, take
+from wsim.kernels.rods.system import backward, forward, memory, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 TOLERANCE = wp.constant(wp.float64(1e-6))
 MOST = wp.constant(50)
 CALM, LEAST = wp.constant(wp.float64(0.05)), wp.constant(wp.float64(0.125))
-
-
-@wp.func
-def rule(Q: Motion, h: wp.float64, at: int, k: int):
-    """Numbers of BDF2 where there is a step before, else of backward Euler."""
-    p = Step()
-    p.h = h
-    p.at = at
-    before = wp.float64(Q.begun[0, k])
-    half = wp.float64(0.5) * before
-    p.a = wp.float64(1.0) + half
-    p.b = half
-    p.c = wp.float64(1.0) + half
-    p.e = wp.float64(1.0) + before
-    p.f = half
-    return p
 
 
 @wp.func
@@ -62,9 +46,9 @@ def begin(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, k: 
 
 
 @wp.func
-def spun(w: wp.vec3d, turn: wp.float64, p: Step):
+def spun(w: wp.vec3d, turn: wp.float64, b: wp.float64, h: wp.float64):
     """Spin [rad/s] after a turn [rad], the turn, the spin before."""
-    return wp.vec3d((turn * p.a - w[1] * p.b) / p.h, turn, w[0])
+    return wp.vec3d((turn * (wp.float64(1.0) + b) - w[1] * b) / h, turn, w[0])
 
 
 @cache
@@ -77,8 +61,10 @@ def finish(kinds: tuple[str, ...]):
         deep = wp.float64(0.0)
         for i in range(S.points[k]):
             d = T.x[i, k] - Q.x[i, k]
-            v = (d * p.a - Q.s[i, k] * p.b) / p.h
-            u = Q.v[i, k]
+            b = memory(Q, i, k)
+            v = (d * (wp.float64(1.0) + b) - Q.s[i, k] * b) / p.h
+            Q.w[i, k] = spun(Q.w[i, k], T.turn[i, k], b, p.h)
+            begun = int(1)
             if wp.static(meets):
                 t = Touch()
                 if S.hold[i, k] < 0:
@@ -86,60 +72,60 @@ def finish(kinds: tuple[str, ...]):
                 Q.stick[i, k] = t.s
                 Q.load[i, k] = t.N
                 if t.N > wp.float64(0.0):
-                    v = d / p.h
-                    u = v
+                    begun = int(0)
                     deep = wp.max(deep, t.deep)
             Q.s[i, k] = d
-            Q.u[i, k] = u
+            Q.u[i, k] = Q.v[i, k]
+            Q.begun[i, k] = begun
             Q.v[i, k] = v
             Q.x[i, k] = T.x[i, k]
             Q.d[i, k] = T.d[i, k]
             Q.phi[i, k] = T.phi[i, k]
-            Q.w[i, k] = spun(Q.w[i, k], T.turn[i, k], p)
-        Q.begun[0, k] = 1
         return deep
 
     return finish
 
 
 @cache
-def march(kinds: tuple[str, ...], module: str):
+def strands(kinds: tuple[str, ...], module: str):
     """Kernel over strands. said: (strands, 3): most iterations of a substep; greatest last correction over the shortest edge's
     length; how deep a point is in a collider at the end of a substep [m]. kinds: of colliders, () for none."""
     assemble, end = forward(kinds), finish(kinds)
 
     @wp.kernel(enable_backward=False, module=module)
-    def march(S: Strands, H: Holds, C: Colliders, Q: Motion, T: Trial, h: wp.float64, substeps: int,
+    def march_strands(S: Strands, H: Holds, C: Colliders, Q: Motion, T: Trial, h: wp.float64, substeps: int,
               said: wp.array2d(dtype=wp.float64)):
         k = wp.tid()
-        l = S.l[0, k]
+        short = S.length[0, k]
         for i in range(1, S.points[k] - 1):
-            l = wp.min(l, S.l[i, k])
+            short = wp.min(short, S.length[i, k])
         most = int(0)
         left = wp.float64(0.0)
         deep = wp.float64(0.0)
         for at in range(substeps):
-            p = rule(Q, h, at, k)
+            p = Step()
+            p.h = h
+            p.at = at
             begin(S, H, Q, T, h, at, k)
-            z = l
-            before = l
+            z = short
+            before = short
             share = wp.float64(1.0)
             count = int(0)
-            while count < MOST and z > TOLERANCE * l:
+            while count < MOST and z > TOLERANCE * short:
                 assemble(S, C, Q, T, p, k)
                 z = backward(S, T, k)
                 if z > (wp.float64(1.0) - CALM * share) * before:
                     share = wp.max(wp.float64(0.5) * share, LEAST)
                 else:
                     share = wp.min(wp.float64(2.0) * share, wp.float64(1.0))
-                take(S, T, share * wp.min(wp.float64(1.0), l / wp.max(z, l * wp.float64(1e-12))), k)
+                take(S, T, share * wp.min(wp.float64(1.0), short / wp.max(z, short * wp.float64(1e-12))), k)
                 before = z
                 count += 1
             deep = wp.max(deep, end(S, C, Q, T, p, k))
             most = wp.max(most, count)
-            left = wp.max(left, z / l)
+            left = wp.max(left, z / short)
         said[k, 0] = wp.float64(most)
         said[k, 1] = left
         said[k, 2] = deep
 
-    return march
+    return march_strands

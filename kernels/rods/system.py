@@ -1,11 +1,13 @@
 """Newton's system of one strand: forces, and the stiffness of Gauss and Newton, factored point by point.
 
-    M (c v1(d) - e v + f u) / h = F(x + d) + M g,    K = M a c / h^2 + sum over strains of k grad grad^T (+ tension across edges)
+    v1 = ((1 + b) d - b s) / h,    M ((1 + b) v1 - (1 + 2 b) v + b u) / h = F(x + d) + M g        BDF2: b = 1/2; b = 0: Euler
+    K = M (1 + b)^2 / h^2 + sum over strains of k grad grad^T (and what tension gives across edges)
 
 Strains of a point know three points in a row, so that K has two blocks beside its diagonal; blocks are 4 x 4 (a point, and the
-angle of the edge behind it), eliminated from the first to the last without pivoting: K is positive definite. What Gauss and Newton
-leave out (strain times its second derivative) changes how fast iterations converge, not where to; of it only what turns of edges
-about themselves add to their own stiffness is taken, where that is positive: of rods that are pulled straight it is most.
+angle of the edge behind it), eliminated from the first to the last without pivoting: K is positive definite. What Gauss and
+Newton leave out (strain times its second derivative) changes how fast iterations converge, not where to; of it only what turns
+of edges about themselves add to their own stiffness is taken, where that is positive: of rods that are pulled straight it is
+most.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -33,7 +35,7 @@ class Window:
     D2: wp.mat44d
     P: wp.mat44d
     N: wp.mat44d
-    O: wp.mat44d
+    F: wp.mat44d
     r0: wp.vec4d
     r1: wp.vec4d
     r2: wp.vec4d
@@ -45,25 +47,33 @@ def split(v: wp.vec3d, angle: wp.float64):
 
 
 @wp.func
+def memory(Q: Motion, i: int, k: int):
+    """1/2 of a point that carries on the step before, 0 of one that starts anew."""
+    return wp.float64(0.5) * wp.float64(Q.begun[i, k])
+
+
+@wp.func
 def inertia(S: Strands, Q: Motion, T: Trial, p: Step, i: int, k: int):
     """Diagonal block and right-hand side of a point and its edge."""
     D = wp.identity(n=4, dtype=wp.float64)
     r = wp.vec4d()
     if i < S.points[k]:
         m = S.m[i, k]
+        b = memory(Q, i, k)
+        a = wp.float64(1.0) + b
         if S.hold[i, k] < 0:
-            v = ((T.x[i, k] - Q.x[i, k]) * p.a - Q.s[i, k] * p.b) / p.h
-            f = S.gravity[k] - (v * p.c - Q.v[i, k] * p.e + Q.u[i, k] * p.f) / p.h
+            v = ((T.x[i, k] - Q.x[i, k]) * a - Q.s[i, k] * b) / p.h
+            f = S.gravity[k] - (v * a - Q.v[i, k] * (a + b) + Q.u[i, k] * b) / p.h
             r = split(f * m, wp.float64(0.0))
         for c in range(3):
-            D[c, c] = m * p.a * p.c / (p.h * p.h)
-        I = S.I[i, k]
-        if I > wp.float64(0.0):
-            D[3, 3] = I * p.a * p.c / (p.h * p.h)
+            D[c, c] = m * a * a / (p.h * p.h)
+        J = S.J[i, k]
+        if J > wp.float64(0.0):
+            D[3, 3] = J * a * a / (p.h * p.h)
             if S.stiff[i, k] == 0:
                 w = Q.w[i, k]
-                spin = (T.turn[i, k] * p.a - w[1] * p.b) / p.h
-                r[3] = -I * (spin * p.c - w[0] * p.e + w[2] * p.f) / p.h
+                spin = (T.turn[i, k] * a - w[1] * b) / p.h
+                r[3] = -J * (spin * a - w[0] * (a + b) + w[2] * b) / p.h
     return D, r
 
 
@@ -71,7 +81,7 @@ def inertia(S: Strands, Q: Motion, T: Trial, p: Step, i: int, k: int):
 def stretch(S: Strands, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
     """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives."""
     one = wp.float64(1.0)
-    tension = S.A[i, k] * (length - S.l[i, k])
+    tension = S.A[i, k] * (length - S.length[i, k])
     across = wp.max(tension / wp.max(length, TINY), wp.float64(0.0))
     H = wp.outer(t, t) * (S.A[i, k] - across) + wp.identity(n=3, dtype=wp.float64) * across
     free0 = wp.where(S.hold[i, k] < 0, one, one - one)
@@ -112,7 +122,7 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
         w.D2 = w.D2 + wp.outer(g2, g2) * q
         w.P = w.P + wp.outer(g0, g1) * q
         w.N = w.N + wp.outer(g1, g2) * q
-        w.O = w.O + wp.outer(g0, g2) * q
+        w.F = w.F + wp.outer(g0, g2) * q
     a = (f.s[0] - S.rest[i, k][0]) * S.B[i, k]
     b = (f.s[1] - S.rest[i, k][1]) * S.B[i, k]
     w.D0[3, 3] = w.D0[3, 3] + wp.max(a * f.u[1] - b * f.u[0], zero) * spin0
@@ -129,19 +139,19 @@ def eliminate(T: Trial, w: Window, i: int, k: int):
     if i >= 0:
         D = wp.inverse(w.D0)
         L1 = D * w.P
-        L2 = D * w.O
+        L2 = D * w.F
         y = D * w.r0
         T.near[i, k] = L1
         T.far[i, k] = L2
         T.z[i, k] = y
     Pt = wp.transpose(w.P)
-    Ot = wp.transpose(w.O)
+    Ft = wp.transpose(w.F)
     new = Window()
     new.D0 = w.D1 - Pt * L1
     new.P = w.N - Pt * L2
-    new.D1 = w.D2 - Ot * L2
+    new.D1 = w.D2 - Ft * L2
     new.r0 = w.r1 - Pt * y
-    new.r1 = w.r2 - Ot * y
+    new.r1 = w.r2 - Ft * y
     return new
 
 

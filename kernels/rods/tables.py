@@ -10,13 +10,13 @@ class Strands:
     """What stays. An edge has the number of its first point; the last point has none."""
 
     points: wp.array(dtype=int)                     # of each strand
-    l: wp.array2d(dtype=wp.float64)                 # rest length of an edge [m]
+    length: wp.array2d(dtype=wp.float64)            # rest length of an edge [m]
     A: wp.array2d(dtype=wp.float64)                 # stretching stiffness of an edge over its length [N/m]
     B: wp.array2d(dtype=wp.float64)                 # bending stiffness at a point over the length it stands for [N m]
     C: wp.array2d(dtype=wp.float64)                 # twisting stiffness likewise [N m]
     rest: wp.array2d(dtype=wp.vec3d)                # curvatures and twist at rest
     m: wp.array2d(dtype=wp.float64)                 # mass of a point [kg]
-    I: wp.array2d(dtype=wp.float64)                 # inertia of an edge about itself [kg m^2]
+    J: wp.array2d(dtype=wp.float64)                 # inertia of an edge about itself [kg m^2]
     hold: wp.array2d(dtype=int)                     # row of Holds of a point; -1: it is free
     stiff: wp.array2d(dtype=int)                    # 1: both points of an edge are held by one pin, and its frame too
     radius: wp.array2d(dtype=wp.float64)            # of a point [m]
@@ -44,7 +44,7 @@ class Motion:
     u: wp.array2d(dtype=wp.vec3d)                   # velocity before [m/s]
     d: wp.array2d(dtype=wp.vec3d)                   # material director of an edge, across its tangent
     phi: wp.array2d(dtype=wp.float64)               # twist at a point [rad]
-    begun: wp.array2d(dtype=int)                    # of a strand's first point, 1: there is a step before
+    begun: wp.array2d(dtype=int)                    # 1: a point, and its edge, carry on the step before; 0: they start anew
     stick: wp.array2d(dtype=wp.vec3d)               # bristle of a point that touches a collider [m]
     load: wp.array2d(dtype=wp.float64)              # normal force on it [N]
     w: wp.array2d(dtype=wp.vec3d)                   # of edges: spin about the tangent [rad/s], turn before [rad], spin before
@@ -65,12 +65,7 @@ class Trial:
 
 @wp.struct
 class Step:
-    """Numbers of a substep: v1 = (a d - b s) / h, acceleration = (c v1 - e v + f u) / h. at: which one of the frame."""
+    """A substep of h [s], the one of that number in its frame."""
 
     h: wp.float64
-    a: wp.float64
-    b: wp.float64
-    c: wp.float64
-    e: wp.float64
-    f: wp.float64
     at: int

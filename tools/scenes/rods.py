@@ -42,7 +42,8 @@ def shaken_head() -> str:
         "color3f[] primvars:displayColor = [(0.22, 0.11, 0.05)]"])
     return scene("Hair on a head that is shaken.", [
         settings(), material, block("Xform", "Head", head, comment="It turns to and fro, three times in two seconds."),
-        block("BasisCurves", "Hair", curves, '["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "MaterialBindingAPI"]',
+        block("BasisCurves", "Hair", curves,
+              '["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "MaterialBindingAPI"]',
               "A curve a strand, in the shape in which it is without strain."),
         pin("Roots", "/World/Hair", np.sort(np.concatenate([edge, edge + 1])), "/World/Head",
             "The first two points of every strand go with the head: it is clamped there, and its twist too."),

@@ -7,7 +7,7 @@ from wsim.scene import Motion, Scene
 from wsim.simulation.simulation import Simulation
 
 YOUNG, POISSON, DENSITY, RADIUS = 1e8, 0.3, 1000.0, 0.01
-AREA, I = np.pi * RADIUS**2, np.pi * RADIUS**4 / 4.0
+AREA, SECOND = np.pi * RADIUS**2, np.pi * RADIUS**4 / 4.0
 FIRST = 1.8751040687                      # of a clamped beam: cosh b cos b = -1
 
 

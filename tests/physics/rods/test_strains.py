@@ -12,8 +12,9 @@ strains = BEND.strains
 
 
 @wp.kernel(module="test_rod_strains", enable_backward=False)
-def evaluate(X: wp.array(dtype=wp.vec3d), T: wp.array(dtype=wp.vec3d), M: wp.array(dtype=wp.vec3d), turn: wp.array(dtype=wp.float64),
-             s: wp.array(dtype=wp.vec3d), g: wp.array(dtype=wp.mat33d), o: wp.array(dtype=wp.vec3d)):
+def evaluate(X: wp.array(dtype=wp.vec3d), T: wp.array(dtype=wp.vec3d), M: wp.array(dtype=wp.vec3d),
+             turn: wp.array(dtype=wp.float64), s: wp.array(dtype=wp.vec3d), g: wp.array(dtype=wp.mat33d),
+             o: wp.array(dtype=wp.vec3d)):
     e0 = X[1] - X[0]
     e1 = X[2] - X[1]
     t0 = wp.normalize(e0)

@@ -2,8 +2,8 @@
 
     python tools/bench/nets/rods.py --device cuda:0 [--hairs 100,1000,10000] [--points 32] [--json FILE]
 
-Rows: ms a frame of 1/60 s (median), substeps, Newton's iterations (most of a strand), what they left over an edge's length, greatest
-strain; of the cantilever the error of its first frequency against Euler and Bernoulli.
+Rows: ms a frame of 1/60 s (median), substeps, Newton's iterations (most of a strand), what they left over an edge's length,
+greatest strain; of the cantilever the error of its first frequency against Euler and Bernoulli.
 """
 
 import argparse
@@ -25,7 +25,7 @@ LENGTH, RADIUS = 0.2, 0.1
 
 
 def hairs(count: int, points: int) -> Scene:
-    """Hairs of 0.1 mm and 4 GPa (human: 3 to 4), 20 cm long, on the upper half of a ball that turns to and fro twice a second."""
+    """Hairs of 0.1 mm and 4 GPa (human: 3 to 4), 20 cm long, on a ball that turns to and fro twice a second."""
     k = np.arange(count) + 0.5
     y = 1.0 - 0.95 * k / count
     turn, out = np.pi * (1.0 + 5.0**0.5) * k, np.sqrt(1.0 - y * y)
@@ -46,9 +46,9 @@ def hairs(count: int, points: int) -> Scene:
 
 def cantilever(points: int) -> Scene:
     """A rod, 1 m long, clamped at its first edge, that starts in its first mode with 1 mm/s at the tip."""
-    l, r, young, density = 1.0 / (points - 1), 0.01, 1e8, 1000.0
+    edge, r, young, density = 1.0 / (points - 1), 0.01, 1e8, 1000.0
     x = np.zeros((points + 1, 3))
-    x[:, 0] = np.arange(points + 1) * l - l
+    x[:, 0] = np.arange(points + 1) * edge - edge
     b, s = 1.8751040687, np.clip(x[:, 0], 0.0, None)
     mode = np.cosh(b * s) - np.cos(b * s) - 0.7340955138 * (np.sinh(b * s) - np.sin(b * s))
     mode[:2] = 0.0
@@ -96,8 +96,8 @@ def main() -> None:
     rows = [frequency(n, device) for n in (9, 17, 33)]
     rows += [shaken(int(n), given.points, device, given.frames) for n in given.hairs.split(",")]
     for row in rows:
-        print("  ".join(f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in row.items()),
-              flush=True)
+        print("  ".join(f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
+                        for name, value in row.items()), flush=True)
     if given.json:
         with open(given.json, "w") as file:
             json.dump({"device": device.name, "rows": rows}, file, indent=1)

@@ -34,7 +34,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     yield from _pins(rods)
     for c in scene.colliders:
         if isinstance(c.shape, Surface) and c.shape.poses is not None:
-            yield warning(path, f"the mesh {c.path} deforms, and strands meet its shape at the start", "colliders that move rigidly",
+            yield warning(path, f"the mesh {c.path} deforms, and strands meet its shape at the start", "rigid colliders",
                           "animate the prim, not its points")
     if scene.bodies() or scene.things("Body"):
         yield warning(path, "strands pass through cloth, soft bodies and rigid bodies, and through each other", "colliders",
@@ -87,7 +87,8 @@ def _pins(rods: Rods) -> Iterator[Problem]:
                         f"0 to {n - 1}", "name points that there are")
             continue
         if pin.places is not None and len(pin.places) != len(pin.points):
-            yield error(pin.path, f"has {len(pin.places)} places and {len(pin.points)} points", "one a point", "author it again")
+            yield error(pin.path, f"has {len(pin.places)} places and {len(pin.points)} points", "one a point",
+                        "author it again")
         if np.isfinite(pin.stiffness):
             yield error(pin.path, f"its stiffness is {pin.stiffness:g} N/m", "inf: strands are held hard",
                         "take physics:stiffness off, or tie them otherwise")

@@ -1,6 +1,6 @@
 """Rods on the device: the part "rods", a row a point of each strand of every world, in float64 whatever the precision of a
-simulation is: strains are differences of positions of 1e-9 of a strand's length. All substeps of a frame are one launch, a thread
-a strand (kernels/rods/march.py)."""
+simulation is: strains are differences of positions of 1e-9 of a strand's length. All substeps of a frame are one launch, a
+thread a strand (kernels/rods/march.py)."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rods import tables
-from wsim.kernels.rods.march import march
+from wsim.kernels.rods.march import strands
 from wsim.model.stage import Clock, Method, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
@@ -27,7 +27,7 @@ FIELDS = (Field("x", "m", True, "position relative to the strand's first point a
           Field("stick", "m", True, "bristle of a point that touches a collider", "vec3d"),
           Field("load", "N", True, "normal force of a collider on it", "double"),
           Field("phi", "rad", True, "twist at a point", "double"),
-          Field("begun", "1", True, "of a strand's first point, 1: there is a step before", "int"))
+          Field("begun", "1", True, "1: it carries on the step before", "int"))
 LONGEST = 1.0 / 240.0         # [s] of a substep; a first mode of 2 Hz errs by 1e-3 in its frequency there
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
 TOLERANCE = 1e-6              # kernels/rods/march.py
@@ -57,7 +57,7 @@ class Strands(Method):
         self.shortest = max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
         names = kinds(b.scene.colliders)
-        self.kernel = march(names, module(names))
+        self.kernel = strands(names, module(names))
         b.model.modules[module(names)] = THREADS
         self._allocate(b)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
@@ -123,8 +123,8 @@ class Strands(Method):
         for own, (rods, world) in zip(self.table.own, self.table.pairs, strict=True):
             worst = float(left[own].max(initial=0.0))
             if worst > TOLERANCE:
-                found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of {{worst:.1g}} "
-                              "of an edge's length in a substep; give more substeps"))
+                found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of "
+                              "{worst:.1g} of an edge's length in a substep; give more substeps"))
         return found
 
     # what is told and set
@@ -144,8 +144,9 @@ class Strands(Method):
         t, own = self.table, [own for own, (_, world) in zip(self.table.own, self.table.pairs, strict=True) if world == 0]
         which = np.concatenate([np.arange(s.start, s.stop) for s in own])
         place = self.part.arrays["x"].numpy().reshape(t.longest, t.strands, 3)[:, which]
-        l = t.values["l"][:-1, which]
-        strain = np.abs(np.linalg.norm(np.diff(place, axis=0), axis=2) / np.where(l > 0.0, l, 1.0) - 1.0) * (l > 0.0)
+        length = t.values["length"][:-1, which]
+        now, there = np.linalg.norm(np.diff(place, axis=0), axis=2), length > 0.0
+        strain = np.abs(now / np.where(there, length, 1.0) - 1.0) * there
         said = self.said.numpy()[which]
         found = {"rod_strain": float(strain.max(initial=0.0)), "rod_iterations": float(said[:, 0].max(initial=0.0)),
                  "rod_residual": float(said[:, 1].max(initial=0.0))}

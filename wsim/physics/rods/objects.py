@@ -1,7 +1,7 @@
 """Rods of a scene: plain data in SI units, NumPy only.
 
-A prim holds many strands, all of one material, of round cross-section and any shape at rest. A strand's first and last points are
-free unless pins hold them; two points in a row held by one pin hold the frame of the edge between them too: it is clamped.
+A prim holds many strands, all of one material, of round cross-section and any shape at rest. A strand's first and last points
+are free unless pins hold them; two points in a row held by one pin hold the frame of the edge between them too: it is clamped.
 """
 
 from dataclasses import dataclass, field

@@ -12,11 +12,12 @@ from wsim.physics.rods.objects import Rods
 def material(rods: Rods) -> dict[str, np.ndarray]:
     """Of each point: radius r [m], E A [N], E I, G J [N m^2], mass per length [kg/m], polar moment times density [kg m]."""
     d = np.broadcast_to(np.asarray(rods.diameters, np.float64), len(rods.points))
-    area, I = np.pi * d**2 / 4.0, np.pi * d**4 / 64.0
+    area, second = np.pi * d**2 / 4.0, np.pi * d**4 / 64.0
     shear = rods.young / (2.0 * (1.0 + rods.poisson))
-    say = {"A": (rods.stretch, rods.young * area), "B": (rods.bend, rods.young * I), "C": (rods.twist, 2.0 * shear * I)}
+    say = {"A": (rods.stretch, rods.young * area), "B": (rods.bend, rods.young * second),
+           "C": (rods.twist, 2.0 * shear * second)}
     found = {name: np.full(len(d), own) if own is not None else derived for name, (own, derived) in say.items()}
-    return found | {"radius": 0.5 * d, "line": rods.density * area, "polar": 2.0 * rods.density * I}
+    return found | {"radius": 0.5 * d, "line": rods.density * area, "polar": 2.0 * rods.density * second}
 
 
 class Table:
@@ -34,7 +35,7 @@ class Table:
         self.own = [slice(end - len(rods.counts), end) for end, (rods, _) in zip(ends.tolist(), pairs, strict=True)]
         self.place = [self._place(own) for own in self.own]
         shape2 = (self.longest, self.strands)
-        self.values = {name: np.zeros(shape2) for name in ("l", "A", "B", "C", "m", "I", "radius")}
+        self.values = {name: np.zeros(shape2) for name in ("length", "A", "B", "C", "m", "J", "radius")}
         self.rest, self.x, self.v, self.d = (np.zeros((*shape2, 3)) for _ in range(4))
         self.phi = np.zeros(shape2)
         self.origin = np.zeros((self.strands, 3))
@@ -93,17 +94,17 @@ class Table:
             self.v[:n, at] = np.swapaxes(v[rows], 0, 1)
 
     def _strands(self, at, n, X, X0, m0, m, of, masses) -> None:
-        l = np.linalg.norm(np.diff(X0, axis=1), axis=2)
+        length = np.linalg.norm(np.diff(X0, axis=1), axis=2)
         edge = {name: 0.5 * (value[:, :-1] + value[:, 1:]) for name, value in of.items()}
-        free = l * (1 - self.stiff[:n - 1, at].T)                        # the length that bends
+        free = length * (1 - self.stiff[:n - 1, at].T)                        # the length that bends
         along = np.zeros((len(at), n))
         along[:, 1:-1] = 0.5 * (free[:, :-1] + free[:, 1:])
         inverse = np.divide(1.0, along, out=np.zeros_like(along), where=along > 0.0)
-        mass = edge["line"] * l
+        mass = edge["line"] * length
         V = self.values
-        V["l"][:n - 1, at], V["A"][:n - 1, at] = l.T, (edge["A"] / l).T
+        V["length"][:n - 1, at], V["A"][:n - 1, at] = length.T, (edge["A"] / length).T
         V["B"][:n, at], V["C"][:n, at] = (of["B"] * inverse).T, (of["C"] * inverse).T
-        V["I"][:n - 1, at], V["radius"][:n, at] = (edge["polar"] * l).T, of["radius"].T
+        V["J"][:n - 1, at], V["radius"][:n, at] = (edge["polar"] * length).T, of["radius"].T
         V["m"][:n, at] = masses.T if masses is not None else (
             0.5 * (np.pad(mass, ((0, 0), (0, 1))) + np.pad(mass, ((0, 0), (1, 0))))).T
         self.rest[:n, at] = np.swapaxes(shape.strains(X0, m0), 0, 1)

@@ -1,8 +1,8 @@
 """BasisCurves with PhysicsCurvesDeformableSimAPI <-> `Rods`.
 
-Linear curves of open ends; normals are directors of the edges behind points, thicknesses are diameters. Stiffnesses that the material
-does not author follow from Young's modulus, Poisson's ratio and the diameter: E A, E I, G J. Shear is rigid. Mass: masses of points
-or segments, else the body's mass or density, else the material's density.
+Linear curves of open ends; normals are directors of the edges behind points, thicknesses are diameters. Stiffnesses that the
+material does not author follow from Young's modulus, Poisson's ratio and the diameter: E A, E I, G J. Shear is rigid. Mass:
+masses of points or segments, else the body's mass or density, else the material's density.
 """
 
 import math
@@ -33,7 +33,8 @@ def load_rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
     """The rods of a BasisCurves prim; None if it cannot be read (which is reported)."""
     path, units = prim.GetPath(), reading.units
     if UsdGeom.BasisCurves(prim).GetTypeAttr().Get() != UsdGeom.Tokens.linear:
-        reading.fail(path, f"is a {UsdGeom.BasisCurves(prim).GetTypeAttr().Get()} BasisCurves; only type = linear can be simulated")
+        reading.fail(path, f"is a {UsdGeom.BasisCurves(prim).GetTypeAttr().Get()} BasisCurves; only type = linear can be "
+                     "simulated")
         return None
     points, rest = load_points(reading, prim, "Rods")
     counts = read(prim, "Rods", "counts", units, reading.start)
@@ -111,8 +112,8 @@ def _masses(reading: Reading, prim: Usd.Prim, body: Usd.Prim, rods: Rods) -> np.
     if values is not None and len(values) == n - len(counts):
         return 0.5 * _to_points(values.astype(np.float64), counts)
     if values is not None and len(values) > 1:
-        reading.fail(prim.GetPath(), f"physics:masses has {len(values)} values; allowed is 1, {n - len(counts)} (segments) or {n} "
-                     "(points)")
+        reading.fail(prim.GetPath(), f"physics:masses has {len(values)} values; allowed is 1, {n - len(counts)} (segments) "
+                     f"or {n} (points)")
         return None
     total = float(values[0]) if values is not None and len(values) else read(body, "Body", "mass", reading.units)
     density = read(body, "Body", "density", reading.units)

@@ -1,5 +1,5 @@
 """Conjugate gradients with a multilevel Schwarz preconditioner, for sheets and bodies that a step makes stiff: tables and
-launches. Kernels: kernels/schwarz/.
+launches. Kernels: kernels/solver/schwarz/.
 
 It pays where block Jacobi would take many iterations: about 5 kappa of them to 1e-2, kappa the points that a sound wave passes
 in a step (`wsim.physics.solver.coarse_space`).
@@ -12,8 +12,8 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.schwarz import cg, domains, residual, setup
-from wsim.kernels.schwarz.dense import SIDE
+from wsim.kernels.solver.schwarz import cg, domains, residual, setup
+from wsim.kernels.solver.schwarz.dense import SIDE
 from wsim.model.model import Body, Model
 from wsim.physics.schwarz import tree as trees
 from wsim.scene import Cloth

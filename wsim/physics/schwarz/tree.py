@@ -1,12 +1,12 @@
 """The domains of a Schwarz preconditioner: a tree of leaves of 8 points over each system, and who shares blocks with whom. See
-kernels/schwarz/setup.py."""
+kernels/solver/schwarz/setup.py."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.kernels.schwarz.setup import LEAF, NODES, TWELVE
+from wsim.kernels.solver.schwarz.setup import LEAF, NODES, TWELVE
 from wsim.physics.schwarz.bisection import bisect
 
 POINTS = 8             # of a leaf, at most
@@ -14,7 +14,7 @@ POINTS = 8             # of a leaf, at most
 
 @dataclass
 class Tree:
-    """Arrays of `wsim.kernels.schwarz.setup.tables`, by the same names; matrices: number of all domains."""
+    """Arrays of `wsim.kernels.solver.schwarz.setup.tables`, by the same names; matrices: number of all domains."""
 
     order: np.ndarray
     rank: np.ndarray

@@ -6,6 +6,8 @@ in its space (none: where the points are at the start). An attachment without sr
 left out with a note. Weights that are painted on a mesh are pins without a prim (`wsim.usd.prims.painted`).
 """
 
+from typing import Any
+
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
@@ -18,7 +20,7 @@ from wsim.usd.prims.springs import curve_vertices
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms import author_motion, placement, split
 
-Body = Cloth | Springs | Soft
+Body = Cloth | Springs | Soft | Any        # or `Rods`, which no module of USD imports
 FRAME = "frame"                    # child of a pin that it hangs on where it names no target
 DERIVED = "wsim:derived"           # custom data of coords1 that follow from the points
 

@@ -14,9 +14,9 @@ import warp as wp
 from wsim.kernels.cloth.constraint import inverse
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import constants
-from wsim.kernels.schwarz.cg import THREADS, summed
 from wsim.kernels.solver.newton import structs
 from wsim.kernels.solver.pcg import total
+from wsim.kernels.solver.schwarz.cg import THREADS, summed
 
 
 @cache

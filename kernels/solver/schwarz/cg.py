@@ -1,4 +1,4 @@
-"""Conjugate gradients with a multilevel Schwarz preconditioner (kernels/schwarz/setup.py), all iterations in one launch.
+"""Conjugate gradients with a multilevel Schwarz preconditioner (kernels/solver/schwarz/setup.py), all iterations in one launch.
 
 The recurrence is that of kernels/solver/pcg.py. A system is solved by a team of blocks of threads, on the CPU by one thread.
 A block has some of its groups, 64 points each, and everything that these need of others crosses a meeting of the team:
@@ -19,11 +19,11 @@ import warp as wp
 
 from wsim.kernels.math.block import meet
 from wsim.kernels.math.real import types
-from wsim.kernels.schwarz import dense
-from wsim.kernels.schwarz.domains import above, restriction, works
-from wsim.kernels.schwarz.setup import NODES, TWELVE, tables, weight
 from wsim.kernels.solver.newton import structs
 from wsim.kernels.solver.pcg import parts, total, vectors
+from wsim.kernels.solver.schwarz import dense
+from wsim.kernels.solver.schwarz.domains import above, restriction, works
+from wsim.kernels.solver.schwarz.setup import NODES, TWELVE, tables, weight
 
 THREADS = 288          # of a block: rows of the three domains of a group
 

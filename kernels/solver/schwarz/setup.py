@@ -13,7 +13,7 @@ Affine motions of a node are affine on each of its leaves, so matrices of all le
 
 of which only K <= J are kept; about another place c_a, q' = q + (0, c_K - c_a) q_0. Component r of coefficient p has row
 3 p + r.
-Products: kernels/schwarz/cg.py; inverses: kernels/schwarz/dense.py.
+Products: kernels/solver/schwarz/cg.py; inverses: kernels/solver/schwarz/dense.py.
 """
 
 from functools import cache
@@ -23,9 +23,9 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.schwarz import dense
 from wsim.kernels.solver.newton import structs
 from wsim.kernels.solver.pcg import kept
+from wsim.kernels.solver.schwarz import dense
 
 LEAF = 4               # leaves of a domain of points
 NODES = 8              # nodes of a domain of nodes, leaves of a group

@@ -1,5 +1,5 @@
-"""Products with the inverses of domains (kernels/schwarz/setup.py): what one group, or one domain above groups, makes of the
-forces on its points.
+"""Products with the inverses of domains (kernels/solver/schwarz/setup.py): what one group, or one domain above groups, makes of
+the forces on its points.
 
     moment of a node    sum over its points of (1, x - c) (x) r, c its place;  about another place c_a, m_p += (c - c_a)_p m_0
     motion of a leaf    a = a_K + G_K (c - c_K), G = G_K, summed over the nodes K of all levels that it is in
@@ -14,8 +14,8 @@ import warp as wp
 
 from wsim.kernels.math.block import meet
 from wsim.kernels.math.real import types
-from wsim.kernels.schwarz import dense
-from wsim.kernels.schwarz.setup import NODES, TWELVE, tables, weight
+from wsim.kernels.solver.schwarz import dense
+from wsim.kernels.solver.schwarz.setup import NODES, TWELVE, tables, weight
 
 
 @cache

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.physics.schwarz.test_schwarz import sheet
+from tests.physics.solver.schwarz.test_schwarz import sheet
 from wsim.physics.schwarz import solver
 from wsim.physics.solver import newton
 from wsim.scene import Scene, shapes
