@@ -99,7 +99,7 @@ def test_older_and_foreign_spellings_are_reported_with_the_current_name(read):
 
 # Curves --------------------------------------------------------------------------------------------------------------
 
-def test_a_curves_deformable_is_a_chain_of_springs_of_stiffness_ea_over_l(read):
+def test_a_curves_deformable_is_a_rod_with_the_mass_of_its_segments(read):
     scene = read('def BasisCurves "rope" (prepend apiSchemas = ["PhysicsDeformableBodyAPI", '
                  '"PhysicsCurvesDeformableSimAPI", "MaterialBindingAPI"]) {\n'
                  'uniform token type = "linear"\nint[] curveVertexCounts = [3, 2]\n'
@@ -107,10 +107,12 @@ def test_a_curves_deformable_is_a_chain_of_springs_of_stiffness_ea_over_l(read):
                  f"float[] physics:thicknesses = [0.02]\n{BIND}\n}}\n"
                  + fabric("float physics:youngsModulus = 1e6\nfloat physics:density = 500",
                           apis='"PhysicsCurvesDeformableMaterialAPI"'))
-    area, rope = math.pi * 0.02**2 / 4, scene.springs[0]
-    assert rope.edges.tolist() == [[0, 1], [1, 2], [3, 4]] and rope.radius == 0.01
-    assert np.allclose(rope.stiffness, 1e6 * area / np.array([1, 2, 1]), rtol=1e-6)
-    assert np.allclose(rope.masses, 500 * area * np.array([0.5, 1.5, 1.0, 0.5, 0.5]), rtol=1e-6)
+    from wsim.physics.rods.tables import Table
+    area, rope = math.pi * 0.02**2 / 4, scene.things("Rods")[0]
+    assert rope.counts.tolist() == [3, 2] and not scene.springs
+    table = Table([(rope, 0)])
+    assert np.allclose(table.values["A"].T[table.values["A"].T > 0], 1e6 * area / np.array([1, 2, 1]), rtol=1e-6)
+    assert np.allclose(table.values["m"].T.ravel()[:5], 500 * area * np.array([0.5, 1.5, 1.0, 0.5, 0.5]), rtol=1e-6)
 
 
 def test_springs_share_points_by_a_map_and_pins_name_vertices(read):

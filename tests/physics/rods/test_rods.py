@@ -73,8 +73,8 @@ def test_a_beam_sags_under_its_weight_as_it_should():
 
 @pytest.mark.slow
 def test_a_ring_buckles_at_michells_twist():
-    """Critical twist 2 pi sqrt(3) B / C (Michell 1890). The held edge is straight, which disturbs the ring: out of plane it goes
-    as load / (critical - load) (Southwell 1932), from which the critical twist is told, near to it."""
+    """Critical twist 2 pi sqrt(3) B / C (Michell 1890). The held edge is straight, which disturbs the ring: out of plane it
+    goes as load / (critical - load) (Southwell 1932), from which the critical twist is told, near to it."""
     n, crit, frames, end = 48, 2.0 * np.pi * np.sqrt(3.0) * (1.0 + POISSON), 600, 0.95
     a = 2.0 * np.pi * np.arange(n + 2) / n
     x = np.stack([np.cos(a), np.sin(a), 0.0 * a], axis=1)
