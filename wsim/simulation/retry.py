@@ -227,3 +227,9 @@ def keep_stable(sim: Simulation, name: str) -> None:
         sim.warnings.append(f"frame {sim.frame + 1}: {name} was set; {sim.plan.integrator} now takes {least} substeps instead "
                             f"of {clock.substeps}{about}")
         clock.substeps, sim.graph = least, None
+
+
+def refused(error: Exception, device) -> SceneError:
+    """`wsim.simulation.measure.memory.refused`, imported when something has failed."""
+    from wsim.simulation.measure import memory
+    return memory.refused(error, device)

@@ -21,7 +21,6 @@ from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
-from wsim.simulation.measure import memory
 from wsim.simulation.measure.exceeded import Note, note
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
@@ -58,8 +57,9 @@ class Simulation:
         self.seconds: dict[str, float] = {}
         self.graphs: dict[bool, wp.Graph] = {}           # of frames with contacts, and of those without
         self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
-        if memory.many(scene, worlds):
-            memory.Worlds.of(Simulation(scene, device=device, precision=precision), worlds).check()
+        if worlds > 1:
+            from wsim.simulation.measure.memory import fit
+            fit(scene, worlds, lambda: Simulation(scene, device=device, precision=precision))
         self._build()
         self.seconds["build"] = time.perf_counter() - began
 
@@ -80,7 +80,7 @@ class Simulation:
                 self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
                                         gradients=self.gradients)
         except RuntimeError as error:
-            raise memory.refused(error, self.device) from None
+            raise retry.refused(error, self.device) from None
         self.warnings += [w for w in duration.long(self.plan) if w not in self.warnings]
         self.model, self.state = self.plan.model, self.plan.state
         self.milliseconds: list[float] = []
@@ -110,7 +110,7 @@ class Simulation:
                 retry.begin(self)
                 self._replay()
             except RuntimeError as error:
-                raise memory.refused(error, self.device) from None
+                raise retry.refused(error, self.device) from None
             self.plan.status.wait()
             if not retry.mend(self):
                 break

@@ -30,7 +30,7 @@ class BallCarrier(Carrier):
     def at(self, clock: Clock, base: int):
         data = self.owner.data(clock)
         data.base = base
-        return data, self.owner.moved()
+        return data, self.owner.moving()
 
 
 class Balls(Method):
@@ -58,11 +58,11 @@ class Balls(Method):
     def data(self, clock: Clock):
         return filled(kernel.structs(self.model.real).Balls, h=clock.h, **self.own, **self.part.arrays)
 
-    def moved(self):
+    def moving(self):
         return filled(kernel.structs(self.model.real).Moved, **{name: self.part.arrays[name] for name in ("d", "a")})
 
     def fly(self, clock: Clock) -> None:
-        self.model.launch(self.kernels[0], self.part.count, [self.data(clock)], [self.moved()])
+        self.model.launch(self.kernels[0], self.part.count, [self.data(clock)], [self.moving()])
 
     def land(self, clock: Clock) -> None:
         a = self.part.arrays

@@ -62,7 +62,7 @@ class Elements:
             self.kernel = general.corners(self.row.equation, real, module, damped)
 
     def passes(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> list[Callable[[], None]]:
-        """What is launched one after the other."""
+        """Launches that evaluate the forces of the corners, in order."""
         read: list = [self.data, x, pair, source, self.first]
         launch, first = self.model.launch, list[Callable[[], None]]()
         if self.curvature:

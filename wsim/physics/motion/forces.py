@@ -228,7 +228,7 @@ class Solid:
         self.table.need_forces()
 
     def passes(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> list[Callable[[], None]]:
-        """What is launched one after the other."""
+        """Launches that evaluate the forces of the corners, in order."""
         n = len(x)
         self.table.place(self.first, 0)
         return [lambda: self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)]

@@ -96,7 +96,8 @@ class Forces:
             self.model.tape, before = self, self.model.tape          # collects what is launched
             try:
                 for e in self.pull.elements:
-                    e.launch(self.x, self.pair, 0, self.corner)
+                    for run in e.passes(self.x, self.pair, 0, self.corner):
+                        run()
             finally:
                 self.model.tape = before
         for kernel, dim, inputs, outputs, _, _, how in self.launches:

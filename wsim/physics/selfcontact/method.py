@@ -58,7 +58,7 @@ class SelfContact(Method):
         self.lean, self.press = rows.lean(real, module), rows.press(real, module)
         self.total = np.zeros(cut.SAID, np.int64)
         self.frames = self.repeats = 0
-        self.often, self.fresh, self.busy = False, False, True
+        self.often, self.fresh, self.busy = False, True, True
         self.within = within = b.choice.solver == "xpbd"
         self.sweeps = SWEEPS if within else BEHIND
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"

@@ -158,6 +158,6 @@ def coarse_space(model: Model, h: float) -> tuple[list, str]:
 
 
 def domains(model: Model, h: float) -> tuple[bool, str]:
-    """Whether sheets are solved by domains, and what the plan says about it."""
+    """True if sheets are solved by domains, and what the plan says about it."""
     from wsim.physics.schwarz.solver import wanted
     return wanted(model, h)

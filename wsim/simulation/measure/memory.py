@@ -4,6 +4,7 @@ What one holds is counted in a simulation of it. Little of that is shared by all
 """
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import FunctionType, MethodType
 from typing import Any
@@ -90,6 +91,12 @@ def many(scene: Scene, worlds: int) -> bool:
     others = [thing for found in scene.others.values() for thing in found]
     one = sum(len(b.points) for b in scene.bodies()) + sum(getattr(thing, "elements", 1) for thing in others)
     return worlds > 1 and worlds * one > LARGE
+
+
+def fit(scene: Scene, worlds: int, one: Callable[[], Any]) -> None:
+    """Raises SceneError where so many worlds of a scene would take more memory than is free, told from one of them."""
+    if many(scene, worlds):
+        Worlds.of(one(), worlds).check()
 
 
 def refused(error: Exception, device) -> SceneError:
