@@ -2,9 +2,9 @@
 
 A launch costs a GPU 2 microseconds, and a substep of explicit cloth has five to a dozen launches over a few thousand threads;
 a meeting of the threads that stay costs a fraction of it. So the launches of the substeps of a frame are written down
-(`recorder`), and where they differ in numbers alone (`program`), one kernel (`source`) takes them: the same functions over the
-same arrays in the same order, hence the same bits (tets in float64 alone differ in the last digits on CUDA). What does not fit is
-launched as ever, and the plan says why.
+(`recorder`), and where they differ in numbers alone (`program`), one kernel (`source`) takes them: the same functions over
+the same arrays in the same order, hence the same bits (tets in float64 alone differ in the last digits on CUDA). What does
+not fit is launched as ever, and the plan says why.
 """
 
 from __future__ import annotations
