@@ -170,7 +170,7 @@ SLOW = {
         "test_a_restart_and_a_repeated_frame_go_on_bit_for_bit[implicit-bdf2]"],
     "physics/soft/test_plastic_adjoint.py": [
         "test_a_bar_that_flows[neo_hookean-more1-2e-06]", "test_by_the_yield[more1]", "test_by_the_yield[more2]"],
-    "physics/schwarz/test_steps.py": [
+    "physics/solver/schwarz/test_steps.py": [
         "test_orders_on_stiff_cloth[backward_euler-1.0]", "test_orders_on_stiff_cloth[sdirk3-1.6]"],
     "physics/solver/test_newton_adjoint_contacts.py": [
         "test_a_sheet_that_falls_on_a_turning_collider_and_slides[plane-backward_euler]",

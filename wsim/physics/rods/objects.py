@@ -23,15 +23,18 @@ class Rods(Compared):
     points              (n, 3) [m], own frame, strand behind strand
     counts              points of each strand, (strands,), 2 or more
     diameters           of each point, (n,), or one for all, (1,) [m]
-    young               Young's modulus [Pa]               poisson   Poisson's ratio [1]
+    young               Young's modulus [Pa]
+    poisson             Poisson's ratio [1]
     density             [kg/m^3]
     stretch             stiffness E A [N]; None: from young and the diameter
-    bend, twist         stiffnesses E I and G J [N m^2]; None: likewise
+    bend                stiffness E I [N m^2]; None: likewise
+    twist               stiffness G J [N m^2]; None: likewise
     motion              own frame to world at the start, lengths [m]
     velocities          at the start, (n, 3) [m/s], own frame; None: at rest
     rest_points         shape without strain, (n, 3) [m], own frame; None: points
-    directors           a direction across each edge, that of its first point, (n, 3), own frame: twist at the start; None: none
-    rest_directors      likewise without strain, (n, 3); None: none
+    directors           a direction across each edge, that of its first point, (n, 3) [1], own frame: twist at the start; None:
+                        none
+    rest_directors      likewise without strain, (n, 3) [1]; None: none
     masses              of each point, (n,) [kg]; None: from the density
     static_friction     coefficient of friction [1] up to which a contact sticks
     dynamic_friction    coefficient of friction of a contact that slides [1]
