@@ -23,9 +23,9 @@ from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.contact.shape import distance
 from wsim.kernels.rods.tables import Motion, Strands, Trial
 
-STIFF = wp.constant(wp.float64(30.0))
-SOFT = wp.constant(wp.float64(0.05))
-FAR = wp.constant(wp.float64(1e9))
+STIFF = wp.constant(wp.float64(30.0))        # a point at rest sinks by g h^2 / STIFF; much more, and iterations gain less
+SOFT = wp.constant(wp.float64(0.05))         # of a radius, at which a strand floats; less, and grazing points never settle
+FAR = wp.constant(wp.float64(1e9))           # [m] farther than anything
 
 
 @wp.struct

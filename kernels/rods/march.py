@@ -16,9 +16,10 @@ from wsim.kernels.rods.element import transport, turned, upright
 from wsim.kernels.rods.system import backward, forward, memory, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
-TOLERANCE = wp.constant(wp.float64(1e-6))
-MOST = wp.constant(50)
-CALM, LEAST = wp.constant(wp.float64(0.05)), wp.constant(wp.float64(0.125))
+TOLERANCE = wp.constant(wp.float64(1e-6))    # last correction over the shortest edge; 1e-8 took twice the time
+MOST = wp.constant(50)                       # iterations; what is left then is told (wsim/physics/rods/method.py)
+CALM = wp.constant(wp.float64(0.05))         # part of a full step's gain below which the next step is halved, down to LEAST
+LEAST = wp.constant(wp.float64(0.125))
 
 
 @wp.func
@@ -34,7 +35,7 @@ def begin(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, k: 
     for i in range(n - 1):
         T.phi[i, k] = Q.phi[i, k]
         t = wp.normalize(T.x[i + 1, k] - T.x[i, k])
-        if S.stiff[i, k] == 1:
+        if S.clamped[i, k] == 1:
             row = S.hold[i, k]
             T.turn[i, k] = wp.float64(0.0)
             T.d[i, k] = upright(t, wp.transform_vector(H.frame[at, H.pin[row]], H.director[row]))
@@ -94,7 +95,7 @@ def strands(kinds: tuple[str, ...], module: str):
 
     @wp.kernel(enable_backward=False, module=module)
     def march_strands(S: Strands, H: Holds, C: Colliders, Q: Motion, T: Trial, h: wp.float64, substeps: int,
-              said: wp.array2d(dtype=wp.float64)):
+                      said: wp.array2d(dtype=wp.float64)):
         k = wp.tid()
         short = S.length[0, k]
         for i in range(1, S.points[k] - 1):

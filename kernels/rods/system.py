@@ -70,7 +70,7 @@ def inertia(S: Strands, Q: Motion, T: Trial, p: Step, i: int, k: int):
         J = S.J[i, k]
         if J > wp.float64(0.0):
             D[3, 3] = J * a * a / (p.h * p.h)
-            if S.stiff[i, k] == 0:
+            if S.clamped[i, k] == 0:
                 w = Q.w[i, k]
                 spin = (T.turn[i, k] * a - w[1] * b) / p.h
                 r[3] = -J * (spin * a - w[0] * (a + b) + w[2] * b) / p.h
@@ -105,8 +105,8 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
     free0 = wp.where(S.hold[i - 1, k] < 0, wp.float64(1.0), zero)
     free1 = wp.where(S.hold[i, k] < 0, wp.float64(1.0), zero)
     free2 = wp.where(S.hold[i + 1, k] < 0, wp.float64(1.0), zero)
-    spin0 = wp.where(S.stiff[i - 1, k] == 0, wp.float64(1.0), zero)
-    spin1 = wp.where(S.stiff[i, k] == 0, wp.float64(1.0), zero)
+    spin0 = wp.where(S.clamped[i - 1, k] == 0, wp.float64(1.0), zero)
+    spin1 = wp.where(S.clamped[i, k] == 0, wp.float64(1.0), zero)
     m = int(3)
     for c in range(m):
         q = wp.where(c < 2, S.B[i, k], S.C[i, k])
@@ -192,7 +192,7 @@ def forward(kinds: tuple[str, ...]):
                 e = T.x[j, k] - T.x[i + 1, k]
                 l1 = wp.length(e)
                 t1 = e / wp.max(l1, TINY)
-                if S.stiff[i, k] + S.stiff[i + 1, k] < 2:
+                if S.clamped[i, k] + S.clamped[i + 1, k] < 2:
                     f = strains(t0, t1, wp.max(l0, TINY), wp.max(l1, TINY), T.d[i, k], T.d[i + 1, k], T.phi[i + 1, k])
                     T.phi[i + 1, k] = f.s[2]
                     w = flex(S, w, f, i + 1, k)
@@ -233,7 +233,7 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
         z1 = T.z[i + 1, k]
         y1 = x1 + wp.vec3d(z1[0], z1[1], z1[2]) * part
         T.x[i + 1, k] = y1
-        if S.stiff[i, k] == 0:
+        if S.clamped[i, k] == 0:
             t = wp.normalize(y1 - y0)
             angle = z[3] * part
             T.d[i, k] = turned(t, upright(t, transport(wp.normalize(x1 - x0), t, T.d[i, k])), angle)

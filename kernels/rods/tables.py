@@ -7,7 +7,7 @@ import warp as wp
 
 @wp.struct
 class Strands:
-    """What stays. An edge has the number of its first point; the last point has none."""
+    """Constants of strands. An edge has the number of its first point; the last point has none."""
 
     points: wp.array(dtype=int)                     # of each strand
     length: wp.array2d(dtype=wp.float64)            # rest length of an edge [m]
@@ -18,7 +18,7 @@ class Strands:
     m: wp.array2d(dtype=wp.float64)                 # mass of a point [kg]
     J: wp.array2d(dtype=wp.float64)                 # inertia of an edge about itself [kg m^2]
     hold: wp.array2d(dtype=int)                     # row of Holds of a point; -1: it is free
-    stiff: wp.array2d(dtype=int)                    # 1: both points of an edge are held by one pin, and its frame too
+    clamped: wp.array2d(dtype=int)                  # 1: both points of an edge are held by one pin, and its frame too
     radius: wp.array2d(dtype=wp.float64)            # of a point [m]
     origin: wp.array(dtype=wp.vec3d)                # what x is relative to [m], one for each strand
     gravity: wp.array(dtype=wp.vec3d)               # [m/s^2], one for each strand
@@ -36,7 +36,7 @@ class Holds:
 
 @wp.struct
 class Motion:
-    """What moves, of points and edges."""
+    """State of points and edges."""
 
     x: wp.array2d(dtype=wp.vec3d)                   # position [m] relative to the strand's origin
     v: wp.array2d(dtype=wp.vec3d)                   # velocity [m/s]

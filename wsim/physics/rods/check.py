@@ -1,4 +1,4 @@
-"""What can be wrong with rods. NumPy only."""
+"""Problems of rods. NumPy only."""
 
 from collections.abc import Iterator
 
@@ -36,6 +36,9 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
         if isinstance(c.shape, Surface) and c.shape.poses is not None:
             yield warning(path, f"the mesh {c.path} deforms, and strands meet its shape at the start", "rigid colliders",
                           "animate the prim, not its points")
+    if scene.air_drag or np.any(scene.wind):
+        yield warning(path, "strands feel neither the wind nor the drag of the air", "neither",
+                      "leave them out where they are not meant for others")
     if scene.bodies() or scene.things("Body"):
         yield warning(path, "strands pass through cloth, soft bodies and rigid bodies, and through each other", "colliders",
                       "give what they shall meet as a collider")

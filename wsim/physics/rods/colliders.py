@@ -3,12 +3,11 @@
 import numpy as np
 import warp as wp
 
-from wsim.geometry.triangulate import triangulate
 from wsim.kernels.contact import shape as convex
 from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.rods.contact import Colliders
 from wsim.model.structs import filled
-from wsim.physics.fluid.grid.shapes import kind
+from wsim.physics.contact.mesh import Mesh
 from wsim.physics.rods.tables import Table
 from wsim.scene import Surface
 from wsim.scene.solids import row
@@ -16,14 +15,22 @@ from wsim.scene.solids import row
 CODES = {"solid": SOLID, "sheet": SHEET}
 
 
+def kinds(meshes: list[Mesh | None], colliders: list) -> list[str]:
+    """Kind of each collider: a convex shape's, "solid" of a closed mesh, "sheet" of another."""
+    return [row(c.shape).kind if m is None else "solid" if m.closed else "sheet"
+            for m, c in zip(meshes, colliders, strict=True)]
+
+
 class Obstacles:
     """Colliders of a scene, and where they are at the starts and ends of substeps."""
 
     def __init__(self, colliders: list, table: Table, device, substeps: int):
         self.colliders, self.device = colliders, device
-        self.meshes = [self._mesh(c.shape) if isinstance(c.shape, Surface) else None for c in colliders]
-        n = len(colliders)
-        names = [kind(c.shape) for c in colliders]
+        self.meshes = [Mesh.build(c) if isinstance(c.shape, Surface) else None for c in colliders]
+        for mesh in filter(None, self.meshes):
+            mesh.place(device, substeps)                 # of one that deforms the shape where it starts
+        n, names = len(colliders), kinds(self.meshes, colliders)
+        self.kinds = tuple(sorted(set(names)))
         size = [(0.0, 0.0, 0.0) if isinstance(c.shape, Surface) else row(c.shape).size(c.shape) for c in colliders]
         friction = np.zeros((n, table.strands, 2))
         for own, (rods, _) in zip(table.own, table.pairs, strict=True):
@@ -38,11 +45,6 @@ class Obstacles:
             mesh=up(np.array([m.id if m else 0 for m in self.meshes], np.uint64), wp.uint64),
             thick=up(np.array([c.thickness or 0.0 for c in colliders], np.float64), wp.float64))
         self.resize(substeps)
-
-    def _mesh(self, shape: Surface) -> wp.Mesh:
-        triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
-        return wp.Mesh(points=wp.array(shape.points, dtype=wp.vec3f, device=self.device),
-                       indices=wp.array(triangles.ravel(), dtype=int, device=self.device))
 
     def resize(self, substeps: int) -> None:
         self.table.frame = wp.zeros((substeps + 1, len(self.colliders)), dtype=wp.mat44d, device=self.device)

@@ -9,12 +9,11 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rods import tables
-from wsim.kernels.rods.march import strands
+from wsim.kernels.rods.march import TOLERANCE, strands
 from wsim.model.stage import Clock, Method, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.fluid.grid.shapes import kinds
 from wsim.physics.rods.colliders import Obstacles
 from wsim.physics.rods.tables import Table
 from wsim.scene.samples import Points, Sample
@@ -28,9 +27,8 @@ FIELDS = (Field("x", "m", True, "position relative to the strand's first point a
           Field("load", "N", True, "normal force of a collider on it", "double"),
           Field("phi", "rad", True, "twist at a point", "double"),
           Field("begun", "1", True, "1: it carries on the step before", "int"))
-LONGEST = 1.0 / 240.0         # [s] of a substep; a first mode of 2 Hz errs by 1e-3 in its frequency there
+LONGEST = 1.0 / 240.0         # [s] of a substep: BDF2 is off by (omega h)^2 / 3 of a frequency, 1e-3 at 2 Hz
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
-TOLERANCE = 1e-6              # kernels/rods/march.py
 
 
 def build(b) -> Method:
@@ -56,12 +54,12 @@ class Strands(Method):
         self.table = t = Table([(each, world) for world in range(b.model.worlds) for each in rods])
         self.shortest = max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
-        names = kinds(b.scene.colliders)
+        self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)
+        names = self.obstacles.kinds
         self.kernel = strands(names, module(names))
         b.model.modules[module(names)] = THREADS
         self._allocate(b)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
-        self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)
         self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
         self.trial = self._trial()
         self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
@@ -122,9 +120,9 @@ class Strands(Method):
         left, found = self.said.numpy()[:, 1], []
         for own, (rods, world) in zip(self.table.own, self.table.pairs, strict=True):
             worst = float(left[own].max(initial=0.0))
-            if worst > TOLERANCE:
+            if worst > float(TOLERANCE):
                 found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of "
-                              "{worst:.1g} of an edge's length in a substep; give more substeps"))
+                              "{worst} of an edge's length in a substep; give more substeps"))
         return found
 
     # what is told and set

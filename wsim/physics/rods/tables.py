@@ -10,7 +10,8 @@ from wsim.physics.rods.objects import Rods
 
 
 def material(rods: Rods) -> dict[str, np.ndarray]:
-    """Of each point: radius r [m], E A [N], E I, G J [N m^2], mass per length [kg/m], polar moment times density [kg m]."""
+    """Columns of each point: radius r [m], E A [N], E I, G J [N m^2], mass per length [kg/m], polar
+    moment times density [kg m]."""
     d = np.broadcast_to(np.asarray(rods.diameters, np.float64), len(rods.points))
     area, second = np.pi * d**2 / 4.0, np.pi * d**4 / 64.0
     shear = rods.young / (2.0 * (1.0 + rods.poisson))
@@ -39,7 +40,7 @@ class Table:
         self.rest, self.x, self.v, self.d = (np.zeros((*shape2, 3)) for _ in range(4))
         self.phi = np.zeros(shape2)
         self.origin = np.zeros((self.strands, 3))
-        self.hold, self.stiff = np.full(shape2, -1, np.int32), np.zeros(shape2, np.int32)
+        self.hold, self.clamped = np.full(shape2, -1, np.int32), np.zeros(shape2, np.int32)
         self.pins: list = []
         self.held: list[tuple[int, np.ndarray, np.ndarray]] = []       # (pin, place, director) a row
         for own, (rods, _) in zip(self.own, pairs, strict=True):
@@ -70,7 +71,7 @@ class Table:
                     self.held.append((k, place, np.zeros(3)))
         pin_of = pin_of.reshape(self.hold.shape)
         both = (pin_of[:-1] >= 0) & (pin_of[:-1] == pin_of[1:])
-        self.stiff[:-1] |= both.astype(np.int32)
+        self.clamped[:-1] |= both.astype(np.int32)
 
     def _fill(self, rods: Rods, own: slice) -> None:
         """Strands of one count at a time: lengths, stiffnesses, masses, rest strains, start."""
@@ -96,7 +97,7 @@ class Table:
     def _strands(self, at, n, X, X0, m0, m, of, masses) -> None:
         length = np.linalg.norm(np.diff(X0, axis=1), axis=2)
         edge = {name: 0.5 * (value[:, :-1] + value[:, 1:]) for name, value in of.items()}
-        free = length * (1 - self.stiff[:n - 1, at].T)                        # the length that bends
+        free = length * (1 - self.clamped[:n - 1, at].T)                        # the length that bends
         along = np.zeros((len(at), n))
         along[:, 1:-1] = 0.5 * (free[:, :-1] + free[:, 1:])
         inverse = np.divide(1.0, along, out=np.zeros_like(along), where=along > 0.0)
@@ -115,7 +116,7 @@ class Table:
 
     def _directors(self) -> None:
         """Directors of clamped edges in their pins' frames."""
-        for i, k in np.argwhere(self.stiff):
+        for i, k in np.argwhere(self.clamped):
             row = self.hold[i, k]
             pin, place, _ = self.held[row]
             M = self.pins[pin].motion.at(0.0)
@@ -128,7 +129,7 @@ class Table:
         def up(values, dtype=wp.float64):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
         return filled(tables.Strands, points=up(self.counts.astype(np.int32), int), rest=up(self.rest, wp.vec3d),
-                      hold=up(self.hold, int), stiff=up(self.stiff, int), origin=up(self.origin, wp.vec3d),
+                      hold=up(self.hold, int), clamped=up(self.clamped, int), origin=up(self.origin, wp.vec3d),
                       **{name: up(value) for name, value in self.values.items()})
 
     def holds_on(self, device, substeps: int) -> tables.Holds:

@@ -20,6 +20,7 @@ from wsim.model.structs import filled
 from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import Guarantee
 from wsim.physics.selfcontact.near import Near
+from wsim.physics.selfcontact.start import reports
 from wsim.physics.selfcontact.surfaces import Surfaces
 from wsim.scene import Problem, SceneError
 
@@ -53,6 +54,7 @@ class SelfContact(Method):
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
         self.surfaces = Surfaces(b.model, self.points.constants.w)
+        self.reports = reports(self.surfaces)
         self.near = Near(b.model, self.surfaces)
         self.guarantee = Guarantee(b.model, self.near)
         self.lean, self.press = rows.lean(real, module), rows.press(real, module)
@@ -147,7 +149,8 @@ class SelfContact(Method):
         said = status.said(SAID)
         self.total += said
         self.frames += 1
-        found = []
+        first = self.reports if self.frames == 1 else []
+        found: list[tuple[tuple, float, str]] = [(("self-contact", "start", k), 0.0, text) for k, text in enumerate(first)]
         if said[cut.CLOSE]:
             found.append((("self-contact", "close"), float(said[cut.CLOSE]), "{worst} pairs of surfaces began a substep "
                           "intersecting or closer than what a file can tell apart; they are held as they are"))

@@ -34,6 +34,9 @@ class Note:
 def note(sim) -> None:
     """Notes limits that were exceeded, after frame `sim.frame`, which holds."""
     status = sim.plan.status
+    for method in sim.plan.methods:
+        for key, value, said in method.notes(status):
+            _add(sim, key, value, said)
     if not status.words.any():
         return
     bodies, explicit = sim.model.bodies, sim.plan.choice.solver == "explicit"
@@ -50,9 +53,6 @@ def note(sim) -> None:
         said = (f"an edge of {where} is {{worst}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
                 else f"Newton's method left a residual of {{worst}} on {where}: {unsolved}")
         _add(sim, (bool(strained), where), value, said)
-    for method in sim.plan.methods:
-        for key, value, said in method.notes(status):
-            _add(sim, key, value, said)
 
 
 def _add(sim, key: tuple, value: float, text: str) -> None:

@@ -1,0 +1,64 @@
+"""Reports of what surfaces are like where they start: intersections, which no proof covers, and thicknesses that edges or the
+precision of a file cannot hold."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wsim.geometry import topology
+from wsim.physics.selfcontact.crossings import crossings
+
+if TYPE_CHECKING:
+    from wsim.model.model import Body
+    from wsim.physics.selfcontact.surfaces import Surfaces
+
+THICK = 0.4            # thickness over the shortest edge from which neighbours on a flat cloth would be in contact
+STEPS = 8.0            # of rounding that a thickness takes, so that what is written keeps apart what is apart
+NAMED = 3              # places that are told
+
+
+def reports(surfaces: Surfaces) -> list[str]:
+    """Warnings about the surfaces of the first world, by prim path, each with what would do."""
+    bodies = [b for b in surfaces.bodies if b.world == 0]
+    return [*_crossed(bodies), *(text for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces)))]
+
+
+def _crossed(bodies: list[Body]) -> list[str]:
+    """Triangles without a common point that intersect, by the exact test."""
+    first = np.cumsum([0, *(b.count for b in bodies)])
+    x = np.concatenate([b.places + (b.origin - bodies[0].origin) for b in bodies])
+    triangles = np.concatenate([b.triangles - b.first + start for b, start in zip(bodies, first, strict=False)])
+    found = crossings(x, triangles, neighbours=False)
+    if not len(found):
+        return []
+    of = np.searchsorted(first, triangles[:, 0], side="right") - 1
+    where = [f"{bodies[of[s]].path} and {bodies[of[t]].path} at ({', '.join(f'{v:.4g}' for v in place)}) m"
+             for s, t in found[:NAMED] for place in [x[triangles[[s, t]]].mean(axis=(0, 1)) + bodies[0].origin]]
+    return [f"{len(found)} pairs of triangles intersect where surfaces start, such as {'; '.join(where)}: they are held as "
+            "they are, and nothing is proven of them; move them apart there"]
+
+
+def _thick(body: Body, surfaces: Surfaces) -> list[str]:
+    """A thickness beyond THICK of the shortest edge."""
+    ends = body.rest[topology.edges(body.triangles) - body.first]
+    least = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
+    own = 2.0 * float(surfaces.reach[body.first:body.last].max())
+    if own <= THICK * least:
+        return []
+    return [f"{body.path}: its thickness is {own:.3g} m, and its shortest edge {least:.3g} m: contacts of neighbours keep "
+            f"less; give at most {THICK * least:.3g} m, or longer edges"]
+
+
+def _far(body: Body, surfaces: Surfaces) -> list[str]:
+    """A thickness of less than STEPS units of rounding of float32 in the frame of its prim."""
+    local = np.asarray(body.source.points, np.float64)
+    stretch = np.linalg.norm(body.source.motion.at(0.0)[:3, :3], 2)
+    step = float(np.spacing(np.float32(np.abs(local).max(initial=0.0)))) * stretch
+    own = 2.0 * float(surfaces.reach[body.first:body.last].max())
+    if own >= STEPS * step:
+        return []
+    return [f"{body.path}: its thickness is {own:.3g} m, and results round its points to {step:.3g} m, "
+            f"{np.abs(local).max():.3g} from the origin of its prim; give {STEPS * step:.3g} m or more, or move the "
+            "origin to the cloth"]
