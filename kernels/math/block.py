@@ -73,8 +73,8 @@ def meet_cluster():
 #endif
 """)
 def meet_grid(word: wp.array(dtype=int), turn: int):
-    """As `meet`, of all threads of a launch whose blocks run at the same time. word: one number, 0 before the launch; turn: of
-    the meeting, from 1 on."""
+    """A meeting, like `meet`, of all threads of a launch whose blocks run at once. word: one number, 0 before the launch; turn:
+    of the meeting, from 1 on."""
     ...
 
 

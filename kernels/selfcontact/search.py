@@ -58,7 +58,7 @@ def listing(real):
 
     @wp.func
     def distance(kind: int, p1: t.vec3, p2: t.vec3, p3: t.vec3):
-        """Of a pair whose first point is at 0."""
+        """Function of a pair whose first point is at 0."""
         b = weights(kind, t.vec3(), p1, p2, p3)
         return wp.length(b[1] * p1 + b[2] * p2 + b[3] * p3)
 

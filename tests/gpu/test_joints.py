@@ -64,7 +64,7 @@ def test_limits_met_together_and_a_drive_of_bounded_force_are_those_of_a_cpu():
 
 
 def test_a_chain_sleeps_and_a_ball_wakes_all_of_it_and_no_other():
-    """As on a CPU (tests/physics/joints/test_sleep.py)."""
+    """The chain of tests/physics/joints/test_sleep.py sleeps on a GPU too."""
     thrown = ball("/ball", (-3.0, 2.0, 0.0), 0.1, asleep=True, drag=1.0)
     sim = sleepy(*hanging("a", velocity=(0.5, 0.0, 0.0)), *hanging("b", 20.0), thrown, device="cuda:0")
     sim.run(300)

@@ -1,4 +1,4 @@
-"""What keeps a first frame short: passes that are called at one place each, and functions that stand by themselves on a CPU."""
+"""Means that keep a first frame short: passes that are called at one place each, and functions that stand alone on a CPU."""
 
 import ast
 import inspect

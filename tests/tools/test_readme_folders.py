@@ -150,7 +150,7 @@ def test_the_pictures_of_the_scenes_are_made_by_commands_that_there_are():
 
 
 def test_a_sweep_is_run_from_the_command_line_and_from_python(tmp_path, monkeypatch, capsys):
-    """As its page has it, with fewer values and frames."""
+    """The example of its page, with fewer values and frames."""
     command, code = snippets("wsim/sweep")
     scene = hung()
     scene.cloths[0].path = scene.pins[0].body = "/World/Flag"

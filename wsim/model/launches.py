@@ -13,7 +13,7 @@ from typing import Any
 
 
 class Launches:
-    """What launches; of a model."""
+    """Launches of a model's kernels."""
 
     module: str
     modules: dict[str, int]

@@ -78,7 +78,7 @@ def _set_each(sim: Simulation, path: str, name: str, given, worlds: list[int]) -
 
 
 def _settled(sim: Simulation, name: str, undo: Callable[[], None]) -> None:
-    """What follows a value that was set; undone where it takes too many steps."""
+    """Consequences of a value that was set; undone where it takes too many steps."""
     if any(m.remade for m in sim.plan.methods):
         sim.graph = None
         sim.seconds.pop("compile", None)

@@ -36,7 +36,7 @@ class Remote:
         self.job, self.worker = job, None
 
     def hello(self) -> dict:
-        """What a worker must have in common with others."""
+        """Things that a worker must have in common with others."""
         return {**versions(), **place(self.job)}
 
     def run(self, part: list[Item]) -> list[dict]:
@@ -236,7 +236,7 @@ def answers(address: str) -> None:
 
 
 def unlike(answer: dict) -> list[Problem]:
-    """What a worker has otherwise than this process."""
+    """Differences of a worker from this process."""
     here, node = versions(), answer["node"]
     others = [f"{name} {answer[name]} and not {here[name]}" for name in here if answer[name] != here[name]]
     problems = [Problem(node, f"runs {', '.join(others)}; install the same on every node")] if others else []

@@ -87,7 +87,7 @@ class Job:
                 "worker": "", "worlds": 1, "tries": 1}
 
     def identity(self, draws: list[dict], base: str) -> dict:
-        """What two sweeps that go on from one another have in common. base: digest of the scene as it is loaded."""
+        """Things that two sweeps that go on from one another have in common. base: digest of the scene as it is loaded."""
         from wsim import __version__
         own = asdict(self.settings)
         made = {name: own[name] for name in ("precision", "changes", "keep")}

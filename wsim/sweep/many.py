@@ -26,7 +26,7 @@ from wsim.sweep.sweep import Sweep, needed
 
 @dataclass(frozen=True)
 class Asked:
-    """What every specimen is fitted with, as `wsim.fit` takes it. noise [m], force_noise [N]: of what was seen; None:
+    """Settings of all fits, like those of `wsim.fit`. noise [m], force_noise [N]: of what was seen; None:
     estimated."""
 
     names: tuple[str, ...]

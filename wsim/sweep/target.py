@@ -95,7 +95,7 @@ class Target:
 
 
 def _held(row: Value, thing) -> bool:
-    """Whether an object has a field for a value."""
+    """True if an object has a field for a value."""
     if isinstance(thing, Load):
         return thing.name == row.name
     if hasattr(thing, "taken"):

@@ -30,7 +30,7 @@ SAID = "wsim:sweep"          # custom data of a result: run and draw
 
 @dataclass
 class World:
-    """What is known of one world."""
+    """State of one world."""
 
     error: dict[str, float]
     warnings: list[str]

@@ -125,7 +125,7 @@ def solved(first: int, last: int, J: Linked):
 
 @wp.func
 def equation(i: int, r: int, J: Linked):
-    """Whether row r of joint i has one; others add what is known."""
+    """True if row r of joint i has an unknown; others add what is known."""
     return J.active[i, r] >= HELD and J.active[i, r] <= HIGHEST
 
 

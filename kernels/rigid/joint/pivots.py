@@ -78,7 +78,7 @@ def fitting(j: int, r: int, driving: int, h: wp.float64, J: Linked):
 
 @wp.func
 def known(j: int, r: int, h: wp.float64, J: Linked):
-    """What a row without an equation adds: it gives all that its drive has, or nothing."""
+    """Impulse of a row without an equation: all that its drive has, or nothing."""
     z = wp.float64(0.0)
     if J.active[j, r] == NONE:
         z = -J.hold[j, r]

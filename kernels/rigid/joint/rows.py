@@ -1,4 +1,4 @@
-"""What each row of a joint asks for in a sweep: locks, limits and drives.
+"""Wants of each row of a joint in a sweep: locks, limits and drives.
 
     held      g(x + h v) = goal                      coordinates of the places that the velocities v lead to, not linearised
     limited   the same at low or high, where v would lead beyond it; its impulse keeps one sign

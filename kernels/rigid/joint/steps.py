@@ -151,7 +151,7 @@ def functions(real):
 
     @wp.func
     def asked(j: int, k: int, h: wp.float64, now: Moving, J: Linked):
-        """What the rows of a joint ask for, and a first guess of which act."""
+        """Wants of the rows of a joint, and a first guess of which act."""
         at = place_of(ends_of(j, k + 1, J), J.t.form[j], J.t.cone[j])
         u, omega = rate_of(j, k, wp.float64(0.0), now, J)
         lead, whirl = rate_of(j, k, wp.float64(1.0), now, J)

@@ -81,7 +81,7 @@ WEIGHTS = [("xpbd", 2.0**-13, (0, 0, 1)), ("leapfrog", 2.0**-13, (0, 0, 1)), ("i
 
 @pytest.mark.parametrize(("solver", "step", "axes"), first_and_slow(WEIGHTS))
 def test_weights_of_blend_shapes_have_the_slope_of_differences(solver, step, axes):
-    """Of the sheet that lands on the mesh and rubs on it; the shape moves it upward, by implicit steps anyhow."""
+    """Gradients of the sheet that lands on the mesh and rubs on it; the shape moves it upward, by implicit steps anyhow."""
     found, expected = slope(worn(solver, axes=axes), "weights", step)
     assert abs(expected) > 0.1 and found == pytest.approx(expected, rel=1e-8)
 
@@ -89,7 +89,7 @@ def test_weights_of_blend_shapes_have_the_slope_of_differences(solver, step, axe
 @pytest.mark.parametrize(("solver", "method"), first_and_slow([("xpbd", LINEAR), ("xpbd", DUAL), ("leapfrog", LINEAR),
                                                                 ("implicit", LINEAR)]))
 def test_joint_angles_have_the_slope_of_differences(solver, method):
-    """By steps of 1e-4 rad, which move 0.2 m by 2e-5 m, of which float32 rounds 1.5e-8 m."""
+    """Differences by steps of 1e-4 rad, which move 0.2 m by 2e-5 m, of which float32 rounds 1.5e-8 m."""
     found, expected = slope(worn(solver, method, turned=0.003), "turns", 1e-4)
     assert abs(expected) > 1.0 and found == pytest.approx(expected, rel=7e-4)
 

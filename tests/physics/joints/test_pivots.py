@@ -83,7 +83,7 @@ def gauss_seidel(f: dict) -> tuple[np.ndarray, float]:
 
 @pytest.mark.parametrize("limited, driven", [(2, 0), (3, 0), (6, 0), (3, 2), (6, 6), (2, 6)])
 def test_one_sweep_is_where_sweeps_of_single_rows_end(limited, driven):
-    """Of a joint of the world, and of one behind it; thrown so that most limits are met at once."""
+    """Rows of a joint of the world, and of one behind it; thrown so that most limits are met at once."""
     rng, met = np.random.default_rng(10 * limited + driven), []
     for _ in range(6):
         a, b = thrown(rng, "/a", (0.3, 0.0, 0.0)), thrown(rng, "/b", (0.9, 0.1, 0.0))

@@ -1,4 +1,4 @@
-"""What follows skeletons that rigid bodies drive: meshes that collide, and pins, within the frame in which the bodies go.
+"""Followers of skeletons that rigid bodies drive: meshes that collide, and pins, within the frame in which the bodies go.
 
 Bodies take their frame first (phase pose). Then joints go with them from where they were to where they are, as an animation
 with keys at frames would have it: what a result says of the joints, played back, moves cloth alike. What follows the skeleton

@@ -109,7 +109,7 @@ class Skin:
         self.launch(A, out)
 
     def settle(self, times: np.ndarray, A: wp.array) -> None:
-        """What is known before A is: points with their blend shapes, and room, at some times [s]."""
+        """Inputs that are known before A is: points with their blend shapes, and room, at some times [s]."""
         self.shaped = self.shapes.over(self.point, times) if self.shapes else self.point
         if not self.linear:
             self.duals = self._duals(A)

@@ -1,4 +1,4 @@
-"""What else than colliders fluids meet: rigid bodies, by their colliders that meet anything, but planes; surfaces of cloth and
+"""Obstacles of fluids besides colliders: rigid bodies, by their colliders that meet anything, but planes; surfaces of cloth and
 soft bodies. NumPy only."""
 
 from dataclasses import dataclass

@@ -39,7 +39,7 @@ def ball(shape: Any) -> float:
 
 
 def stated(windows: list["Window"]) -> str:
-    """What a plan says of parts that are solved."""
+    """Words of a plan about parts that are solved."""
     margin = min(window.fluid.margin for window in windows)
     off = next(said for least, said in MEASURED if margin >= least)
     return (f", of which {sum(window.domain.layout.cells for window in windows)} are solved at first: a margin of {margin:g} "

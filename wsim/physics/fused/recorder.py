@@ -28,7 +28,7 @@ class Op:
 
     @property
     def form(self) -> tuple:
-        """What is the same in substeps that one kernel runs."""
+        """Kernel and threads of a launch, which are the same where one kernel runs many of it."""
         return self.kernel, self.dim, self.beside
 
 
@@ -48,7 +48,7 @@ class Recorder:
                  partial(wp.launch, kernel, dim, inputs, outputs, **how))
 
     def copy(self, into: wp.array, source: wp.array, to: int = 0, first: int = 0, count: int = 0) -> None:
-        """As `wp.copy` of vectors."""
+        """A copy of vectors, like `wp.copy`."""
         count = count or source.size - first
         self.add(body.copies(source.dtype), count, [source, to, first, into], partial(wp.copy, into, source, to, first, count))
 
@@ -69,7 +69,7 @@ class Recorder:
 
 
 def recorded(model: Model, run: Callable[[int], Any], first: int, last: int) -> list[list[Op]]:
-    """What `run(k)` launches for each k, in order."""
+    """Launches of `run(k)` for each k, in order."""
     steps, before = [], model.recorder
     for k in range(first, last):
         model.recorder = Recorder(model)

@@ -27,7 +27,7 @@ STEPS = 60             # of a bisection in log omega'
 
 @dataclass
 class Slowed:
-    """What was done to a cloth."""
+    """Masses that were added to a cloth."""
 
     path: str
     points: int            # that have more mass

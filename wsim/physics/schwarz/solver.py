@@ -27,7 +27,7 @@ VECTORS = {"pair": wp.vec2i, "entry": wp.vec2i, "block": wp.vec3i, "about": wp.v
 
 
 def wanted(model: Model, h: float) -> tuple[bool, str]:
-    """Whether a step of h [s] makes a sheet stiff and large enough, and what the plan says of it."""
+    """True if a step of h [s] makes a sheet stiff and large enough, and what the plan says of it."""
     least = PAYS["cuda" if model.device.is_cuda else "cpu"]
     found = max(((waves(b, h), b.count) for b in model.bodies if len(b.triangles) and not len(b.tets)), default=(0.0, 0))
     if not found[1]:

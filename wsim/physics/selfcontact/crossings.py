@@ -6,9 +6,10 @@ Two triangles that share no point intersect where an edge of one meets the other
 
 Floats are dyadic rationals: times a power of two they are whole numbers, in which Python's arithmetic knows no rounding.
 Candidates come from a grid; those that one of the 11 axes of the separating axis theorem (2 normals, 9 products of edges)
-separates in float64 by more than a bound of its rounding are left out first (or one of 6 in their planes). Touching counts as intersecting. Triangles that
-share points intersect where they have more in common than these: then the edge of one that is opposite to the shared point
-meets the other. Independent of the device code whose results it judges; for tests and for what an author's start looks like.
+separates in float64 by more than a bound of its rounding are left out first (or one of 6 in their planes). Touching counts as
+intersecting. Triangles that share points intersect where they have more in common than these: then the edge of one that is
+opposite to the shared point meets the other. Independent of the device code whose results it judges; for tests and for what
+an author's start looks like.
 """
 
 import numpy as np
@@ -71,7 +72,7 @@ def unclear(corners: np.ndarray, triangles: np.ndarray, pairs: np.ndarray) -> np
     edges = [np.roll(t, -1, axis=1) - t for t in (p, q)]
     axes = [np.cross(e[:, 0], e[:, 1]) for e in edges]
     axes += [np.cross(edges[0][:, i], edges[1][:, j]) for i in range(3) for j in range(3)]
-    axes += [np.cross(n, e[:, i]) for n, e in zip(axes[:2], edges, strict=True) for i in range(3)]      # of triangles in one plane
+    axes += [np.cross(n, e[:, i]) for n, e in zip(axes[:2], edges, strict=True) for i in range(3)]  # of one plane
     scale = np.abs(p).max(axis=(1, 2)) + np.abs(q).max(axis=(1, 2)) + np.abs(corners[pairs[:, 0], 0]).max(axis=1) * 2.0 ** -20
     apart = np.zeros(len(pairs), bool)
     for axis in axes:

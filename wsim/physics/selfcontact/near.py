@@ -63,7 +63,7 @@ class Near:
         self.anew()
 
     def anew(self) -> None:
-        """What a frame that was given up has left does not count."""
+        """Clears what a frame that was given up has left."""
         self.frames.rigid.zero_()
         words = self.words.numpy()
         words[:] = 0
@@ -130,6 +130,6 @@ class Near:
         launch(self.listed, 1, [self.pairs.count], [self.words])
 
     def look(self, at, stop: int = 0) -> None:
-        """Whether points are in their tubes where the substep ends."""
+        """Looks whether points are in their tubes where the substep ends."""
         self.model.launch(self.watch, len(self.surfaces.points), [self.surfaces.data, at, self.frames, stop],
                           [self.sums, self.words])

@@ -31,7 +31,7 @@ def frequencies(cloth: Cloth) -> tuple[np.ndarray, np.ndarray]:
 
 
 def told(scene: Scene) -> list[str]:
-    """What the worst triangles of each cloth do to explicit steps, in words."""
+    """Words about what the worst triangles of each cloth do to explicit steps."""
     texts = []
     for cloth in scene.cloths:
         omega, face = frequencies(cloth)

@@ -25,7 +25,7 @@ def read(sim) -> np.ndarray:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("rest", [0.0, 0.5])
 def test_velocities_that_are_read_have_all_momentum_in_each_frame(way, rest):
-    """Of leapfrog, points are read behind a last half kick, without what their bodies take back of it."""
+    """Points of leapfrog are read behind a last half kick, without what their bodies take back of it."""
     sim = run(scene(ball("/ball", (0.03, 0.16, 0.02), 0.15, velocity=(0.0, -2.0, 0.3), mass=0.2, rest=rest), gravity=FREE,
                     **by(way)))
     before = read(sim)

@@ -99,7 +99,7 @@ def test_the_preconditioner_is_the_sum_over_the_domains_of_all_levels(points, le
 
 
 def test_filtered_directions_are_in_no_domain():
-    """As contacts filter: some points keep a plane, one nothing."""
+    """Filters like those of contacts: some points keep a plane, one nothing."""
     probe, random = Sheet(), np.random.default_rng(3)
     S = probe.free[:, None, None] * np.eye(3)
     for i in np.flatnonzero(probe.free)[::3]:

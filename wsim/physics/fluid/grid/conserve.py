@@ -9,7 +9,7 @@ from wsim.physics.fluid.grid.tiles import Tiles
 
 
 class Conserved(Tiles):
-    """As `Tiles`, by limited cubics. work: two arrays for each of the scalars."""
+    """Carrying of scalars like that of `Tiles`, by limited cubics. work: two arrays for each of the scalars."""
 
     def _kernels(self, scheme: str, both: bool) -> None:
         threads, dim = self.threads, self.layout.dim
