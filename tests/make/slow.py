@@ -182,6 +182,8 @@ SLOW = {
         "test_what_is_thrown_back", "test_checkpoints_and_worlds_give_the_same[<lambda>1]",
         "test_float32_is_near_float64[<lambda>1]",
         "test_a_recording_says_how_far_it_is_from_a_simulation[0.0-implicit-1e-05-1e-08]"],
+    "physics/selfcontact/test_soft.py": ["test_a_block_of_jelly_that_falls_on_another_does_not_enter_it[explicit]",
+        "test_a_block_of_jelly_that_falls_on_another_does_not_enter_it[implicit]"],
     "physics/selfcontact/test_guarantee.py": [
         "test_a_crumpled_sheet_has_no_intersection_in_any_substep[0]"],
     "physics/solver/test_xpbd_adjoint.py": [
