@@ -214,8 +214,14 @@ def _others(state: State) -> list[Part]:
 def keep_stable(sim: Simulation, name: str, thing=None, path: str = "", value=None, world: int | None = None) -> None:
     """Explicit steps follow a live parameter that makes the scene stiffer. thing .. world: what was set to what, where that is
     known."""
-    stable, clock, known = sim.plan.find("least"), sim.plan.clock, sim.headroom
-    if stable is None or not stiffens(name) or known.holds(thing, path, name, value, world, clock.substeps):
+    stable, clock = sim.plan.find("least"), sim.plan.clock
+    if stable is None or not stiffens(name):
+        return
+    if sim.headroom is None:
+        from wsim.simulation.headroom import Headroom
+        sim.headroom = Headroom()
+    known = sim.headroom
+    if known.holds(thing, path, name, value, world, clock.substeps):
         return
     least = stable()
     if least > counts.MOST:

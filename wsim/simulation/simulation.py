@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -19,7 +20,6 @@ from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
-from wsim.simulation.headroom import Headroom
 from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.exceeded import Note, note
 
@@ -75,7 +75,7 @@ class Simulation:
         self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.lost: dict[int, int] = {}         # worlds that were taken out, each with the frame in which it broke
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
-        self.headroom = Headroom()
+        self.headroom: Any = None              # `wsim.simulation.headroom.Headroom`, once explicit steps are asked for it
         try:
             with GATE.alone():
                 self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
