@@ -31,6 +31,7 @@ from tools.bench.speed import hardware  # noqa: E402
 from wsim.bench.track import distance, places, size  # noqa: E402
 from wsim.scene import Scene, SceneError  # noqa: E402
 from wsim.simulation import cost  # noqa: E402
+from wsim.simulation.choice import predicted  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
 LATE = 1.3             # times the time of the best
@@ -38,6 +39,7 @@ LASTING = 0.03         # [s] that the replays of a frame last together
 REFINED = 4            # times the stable substeps, of the reference
 DOUBTED = 0.3          # of the wanted error, up to which a reference can judge it
 SWEPT = ((10, 4), (40, 1), (80, 1), (40, 4))                          # XPBD, substeps x sweeps
+NEWTON = (("bdf2", 10, 1), ("bdf2", 20, 1), ("bdf2", 40, 1), ("backward_euler", 20, 1))      # of sheets and nets
 SOLVED = (("backward_euler", 10, 2), ("backward_euler", 40, 2), ("sdirk3", 5, 2), ("sdirk3", 10, 2))
 
 
@@ -71,14 +73,16 @@ def reference(scene: Scene, frames: int, device) -> tuple[np.ndarray, float]:
     return fine, float(distance(coarse, fine).max())
 
 
-def counts(sim: Simulation) -> dict[str, float] | None:
-    """What a frame does, by the names of `wsim.simulation.cost`; None where that is not known: cloth by Newton's method."""
+def counts(sim: Simulation) -> dict[str, float]:
+    """What a frame does, by the names of `wsim.simulation.cost`."""
     model, choice, n = sim.model, sim.plan.choice, sim.plan.clock.substeps
     if choice.solver == "explicit":
         return cost.explicit(model, n)
     if choice.solver == "xpbd":
         return cost.sweeps(model, n, choice.iterations)
-    return cost.newton(model, n, choice.iterations) if sim.scene.softs else None
+    if sim.scene.softs:
+        return cost.newton(model, n, choice.iterations)
+    return cost.solved(model, n, choice.iterations, choice.omega or cost.highest(model))
 
 
 def alternatives(scene: Scene) -> list[dict]:
@@ -87,7 +91,8 @@ def alternatives(scene: Scene) -> list[dict]:
     if scene.softs:
         return [explicit] + [{"solver": "implicit", "integrator": name, "substeps": n, "iterations": m} for name, n, m in SOLVED
                              if name == "backward_euler" or not scene.colliders]
-    return [explicit] + [{"solver": "xpbd", "integrator": "backward_euler", "substeps": n, "iterations": m} for n, m in SWEPT]
+    return [explicit] + [{"solver": "xpbd", "integrator": "backward_euler", "substeps": n, "iterations": m} for n, m in SWEPT] + [
+        {"solver": "implicit", "integrator": name, "substeps": n, "iterations": m} for name, n, m in NEWTON]
 
 
 def measured(scene: Scene, there: np.ndarray, device, **settings) -> dict:
@@ -98,6 +103,7 @@ def measured(scene: Scene, there: np.ndarray, device, **settings) -> dict:
     choice, errors = sim.plan.choice, distance(track(sim, len(there)), there) / size(scene)
     return {"solver": choice.solver, "integrator": choice.integrator.name, "substeps": choice.steps,
             "iterations": choice.iterations, "error": float(errors.max()), "seconds": frame_seconds(sim),
+            "predicted": [sim.plan.seconds, predicted(sim.model, choice)],
             "counts": counts(sim) if sim.plan.choice is choice else None, "notes": sim.warnings}
 
 
@@ -124,8 +130,9 @@ def judged(case: Case, device) -> dict:
 
 
 def line(r: dict) -> str:
+    seconds, error = r["predicted"]
     return (f"{r['solver']} {r['integrator']} {r['substeps']} x {r['iterations']}: {1e3 * r['seconds']:.3g} ms, "
-            f"{r['error']:.1e}")
+            f"{r['error']:.1e} (predicted {1e3 * seconds:.3g}, {error:.1e})")
 
 
 def told(rows: list[dict]) -> str:
