@@ -1,7 +1,7 @@
 """How often `auto` misses: over a grid of scenes, its error against the wanted one and its time against the best of what else
 could be taken; and the constants of `wsim.simulation.cost.COSTS` that fit what was measured.
 
-    python tools/bench/choice/misses.py [--device cuda:0] [--quick] [--kinds net,soft] [--json FILE]
+    python tools/bench/choice/misses.py [--device cuda:0] [--quick] [--kinds net,soft] [--scenes flag,cape] [--json FILE]
 
 error    largest of the frames up to T = sqrt(2 L / g), L the size of the scene (of a cloth that folds on a ball, and then
          amplifies whatever differs, to half of T): RMS distance from leapfrog in float64 with
@@ -26,7 +26,7 @@ import warp as wp
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 from tools.bench.choice.costs import fitted, ratios  # noqa: E402
-from tools.bench.choice.scenes import Case, cases  # noqa: E402
+from tools.bench.choice.scenes import Authored, Case, cases  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from wsim.bench.track import distance, places, size  # noqa: E402
 from wsim.scene import Scene, SceneError  # noqa: E402
@@ -91,7 +91,8 @@ def alternatives(scene: Scene) -> list[dict]:
     if scene.softs:
         return [explicit] + [{"solver": "implicit", "integrator": name, "substeps": n, "iterations": m} for name, n, m in SOLVED
                              if name == "backward_euler" or not scene.colliders]
-    return [explicit] + [{"solver": "xpbd", "integrator": "backward_euler", "substeps": n, "iterations": m} for n, m in SWEPT] + [
+    xpbd = [{"solver": "xpbd", "integrator": "backward_euler", "substeps": n, "iterations": m} for n, m in SWEPT]
+    return [explicit, *xpbd] + [
         {"solver": "implicit", "integrator": name, "substeps": n, "iterations": m} for name, n, m in NEWTON]
 
 
@@ -107,7 +108,7 @@ def measured(scene: Scene, there: np.ndarray, device, **settings) -> dict:
             "counts": counts(sim) if sim.plan.choice is choice else None, "notes": sim.warnings}
 
 
-def judged(case: Case, device) -> dict:
+def judged(case: Case | Authored, device) -> dict:
     """A scene by every alternative and by `auto`."""
     scene = case.scene
     frames = max(2, ceil((2.0 * size(scene) / 9.81)**0.5 * scene.fps * case.part))
@@ -163,6 +164,7 @@ def main() -> None:
     parser.add_argument("--device", default=None)
     parser.add_argument("--quick", action="store_true", help="small scenes only: what a CPU does in some minutes")
     parser.add_argument("--kinds", default="", help="of scenes, by commas; all unless given")
+    parser.add_argument("--scenes", default="", help="example scenes, by commas, in place of the grid")
     parser.add_argument("--json", default=None)
     args = parser.parse_args()
     device, rows = wp.get_device(args.device), []
@@ -170,7 +172,8 @@ def main() -> None:
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     where = f"{hardware(device)}{'' if device.is_cuda else ', one of them'}"
     print(f"{where}, warp {wp.config.version}, {'wall clock' if device.is_cuda else 'CPU seconds'}")
-    for case in (c for c in cases(args.quick) if not args.kinds or c.kind in args.kinds.split(",")):
+    grid = [c for c in cases(args.quick) if not args.kinds or c.kind in args.kinds.split(",")]
+    for case in [Authored(name) for name in args.scenes.split(",")] if args.scenes else grid:
         rows.append(judged(case, device))
         r = rows[-1]
         print(f"{r['case']}: reference to {r['doubt']:.0e}; {'MISSES ' + ' and '.join(r['misses']) if r['misses'] else 'holds'}"
