@@ -73,8 +73,9 @@ def sweeps(model: Model, n: int, iterations: int) -> dict[str, float]:
 
 
 def newton(model: Model, n: int, iterations: int) -> dict[str, float]:
-    """Counts of a frame of n systems of soft bodies, of so many Newton steps each."""
-    return {"newton": n * iterations, "solved": n * iterations * _tets(model, 1), **_contacts(model, n, iterations)}
+    """Counts of a frame of n systems of soft bodies, and of sheets that share their points, of so many Newton steps each."""
+    times, (_, work, _) = n * iterations, _constraints(model)
+    return {"newton": times, "solved": times * _tets(model, 1), "assembled": times * work, **_contacts(model, n, iterations)}
 
 
 def solved(model: Model, n: int, iterations: int, omega: float) -> dict[str, float]:
