@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scenes.examples import moduli_of_a_bar, sheet_from_points, stiffness_field, throw_cloth, walker
+from scenes.examples import live, moduli_of_a_bar, sheet_from_points, stiffness_field, throw_cloth, walker
 
 
 @pytest.mark.parametrize("example, within", [(sheet_from_points, 0.01), (moduli_of_a_bar, 0.005)])
@@ -36,3 +36,17 @@ def test_the_walker_learns_to_walk(tmp_path):
     assert abs(before) < 0.01 and after > 0.02
     assert found["verdicts"]["before"].verdict == "agree"
     assert all((tmp_path / f"walk_{name}").is_file() for name in ("before.usdc", "after.usdc", "before.png", "after.png"))
+
+
+def test_a_hand_moves_a_live_cloth_and_nothing_is_captured_anew():
+    """The cloth gives way to the hand; positions are the simulation's own, in the author's order; the graphs are those of
+    before the first frame."""
+    kept = []
+    found = live.run(live.curtain(9), 60, "cpu", lambda scene: None, clock=lambda: kept.append(1) or float(len(kept)))
+    sim = found["simulation"]
+    assert sim.forms["met"] > 5 and sim.forms["free"] > 5 and not sim.warnings
+    assert np.ptp(sim.positions("/garment")[:, 2]) > 0.02 and abs(sim.positions("/garment")[:9].mean(axis=0)[0]) > 1e-3
+    x, torch = found["positions"].numpy(), "Tensor" in type(found["positions"]).__name__
+    index, origin = sim.positions("/garment", device=True)[1], sim.model.body("/garment").origin
+    np.testing.assert_allclose(x if torch else x[index] + origin, sim.positions("/garment"), atol=1e-6)
+    assert len(found["ms"]) == 60 and sim.seconds["capture"] == found["captured"]

@@ -2,7 +2,7 @@
 
 What a scene would refuse is refused here by the bounds of the table of values (`wsim.scene.values.table`), before any method is
 asked; arrays have one value for all or one for each element; numbers must fit the precision. A refusal leaves state, tables and
-the list of changes as they were.
+the list of changes as they were. Nothing is compiled or captured anew by motions and stiffnesses that go to and fro.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wsim.model.midnodes import places, spread
+from wsim.model.midnodes import places, spread, stored
 from wsim.model.model import Body, edge_lengths
 from wsim.model.stage import ByWorld
 from wsim.scene import Motion, Problem, SceneError, Soft
@@ -25,6 +25,24 @@ from wsim.simulation import retry
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
+
+
+def prepare(sim: Simulation) -> None:
+    """Compiles kernels and captures the graphs of frames with contacts and without, and of those with contacts that follow on
+    one without ("met again"): see `Simulation.prepare`."""
+    sim.load()
+    retry.begin(sim)
+    plan, clock = sim.plan, sim.plan.clock
+    before, clock.starting = (clock.free, clock.after_free, clock.starting), False
+    whole = plan.parted and bool(plan.find("whole frames"))
+    for clock.free in (False, True) if plan.parted else before[:1]:
+        clock.after_free = clock.free and whole
+        if sim.graph is None:
+            sim._capture()
+    clock.free, clock.after_free = False, whole
+    if plan.starts:
+        sim.graphs["met again"] = sim._capture()
+    clock.free, clock.after_free, clock.starting = before
 
 
 def set_value(sim: Simulation, path: str, name: str, value, world) -> None:
@@ -46,7 +64,7 @@ def set_value(sim: Simulation, path: str, name: str, value, world) -> None:
     undo = _remembered(sim)
     if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
         raise _unknown(sim, thing, path, name, world)
-    _settled(sim, name, undo)
+    _settled(sim, name, undo, thing, path, value, world)
     sim.changes = [c for c in sim.changes if c[:2] != (path, name) or world not in (None, c[3])] + [(path, name, value, world)]
 
 
@@ -77,15 +95,16 @@ def _set_each(sim: Simulation, path: str, name: str, given, worlds: list[int]) -
     sim.changes = [c for c in sim.changes if c[:2] != (path, name)] + [(path, name, v, k) for k, v in enumerate(values)]
 
 
-def _settled(sim: Simulation, name: str, undo: Callable[[], None]) -> None:
-    """Consequences of a value that was set; undone where it takes too many steps."""
+def _settled(sim: Simulation, name: str, undo: Callable[[], None], *what) -> None:
+    """Consequences of a value that was set; undone where it takes too many steps. what: thing, path, value, world, where all
+    have one."""
     if any(m.remade for m in sim.plan.methods):
         sim.graph = None
         sim.seconds.pop("compile", None)
         for m in sim.plan.methods:
             m.remade = False
     try:
-        retry.keep_stable(sim, name)
+        retry.keep_stable(sim, name, *what)
     except SceneError:
         undo()
         raise
@@ -250,3 +269,21 @@ def _put(sim: Simulation, body: Body, name: str, values: np.ndarray) -> None:
         rest = sim.state.e.numpy()
         rest[index] = exact - now[index]
         sim.state.e.assign(rest)
+
+
+def restart(sim: Simulation, frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool) -> None:
+    """See `Simulation.restart`."""
+    exact = alike
+    sim.plan.methods.restored(fields)
+    for path in sim.state.paths():
+        values = fields.get(path, {})
+        for name, array, rows in sim.state.of(path):
+            fits = name in values and len(values[name]) == len(rows)
+            exact &= fits
+            if name in values:
+                now = array.numpy()
+                now[rows] = values[name] if fits else stored(sim.model.body(path), values[name])
+                array.assign(now)
+    sim.frame, sim.plan.clock.starting = frame, not exact
+    for method in sim.plan.methods if exact else ():
+        method.resumed((frame - 1) / sim.scene.fps)

@@ -150,6 +150,7 @@ class Plan:
     def describe(self) -> str:
         """The plan in words: what `wsim plan` prints."""
         from wsim.simulation.measure.columns import columns
+        from wsim.simulation.measure.memory import held
         from wsim.simulation.report import kept, parted
         c, m = self.clock, self.model
         rows = self.table()
@@ -165,7 +166,8 @@ class Plan:
         lines += columns([("phase", "stage", "rate", "launches", "MB", "  on"), *cells], "<<<>><", (9, 16, 10, 9, 9, 0), gap="")
         a_substep = [r for r in rows if r["rate"] != "frame"]
         lines.append(f"a substep: {sum(r['launches'] for r in a_substep)} launches, "
-                     f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB")
+                     f"{sum(r['bytes'] for r in a_substep) / 1e6:.2f} MB moved; state {self.state.bytes / 1e6:.2f} MB, all "
+                     f"arrays {held(self) / 1e6:.2f} MB")
         if self.parted:
             lines.append(parted(self.table(FREE)))
         lines += kept([k for method in self.methods for k in method.kept()])

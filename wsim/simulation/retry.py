@@ -211,16 +211,24 @@ def _others(state: State) -> list[Part]:
     return [part for part in state.parts.values() if part.name != "points"]
 
 
-def keep_stable(sim: Simulation, name: str) -> None:
-    """Explicit steps follow a live parameter that makes the scene stiffer, and a pin that begins to move."""
+def keep_stable(sim: Simulation, name: str, thing=None, path: str = "", value=None, world: int | None = None) -> None:
+    """Explicit steps follow a live parameter that makes the scene stiffer. thing .. world: what was set to what, where that is
+    known."""
     stable, clock = sim.plan.find("least"), sim.plan.clock
-    if stable and name == "motion":
-        sim.graph = None                                  # it knows one target a frame, or one a substep
     if stable is None or not stiffens(name):
         return
+    if sim.headroom is None:
+        from wsim.simulation.headroom import Headroom
+        sim.headroom = Headroom()
+    known = sim.headroom
+    if known.holds(thing, path, name, value, world, clock.substeps):
+        return
     least = stable()
+    if least > counts.MOST:
+        known.forget()
     counts.refuse(f"substeps a frame, which {name} of that size wants of {sim.plan.integrator},", least,
                   "set another value, or name a solver without a limit")
+    known.found(least)
     if least > clock.substeps:
         each = sim.plan.seconds * least / sim.plan.choice.substeps
         about = f", about {duration(each)} a frame" if least > counts.MANY else ""

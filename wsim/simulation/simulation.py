@@ -9,13 +9,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from wsim.model import kernel_cache
 from wsim.model.kernel_cache import GATE
-from wsim.model.midnodes import stored
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, retry
@@ -55,7 +55,7 @@ class Simulation:
         self.device = kernel_cache.device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
-        self.graphs: dict[bool, wp.Graph] = {}           # of frames with contacts, and of those without
+        self.graphs: dict = {}                 # of frames with contacts (False), without (True), and see `live.prepare`
         self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
         if worlds > 1:
             from wsim.simulation.measure.memory import fit
@@ -75,6 +75,7 @@ class Simulation:
         self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
         self.lost: dict[int, int] = {}         # worlds that were taken out, each with the frame in which it broke
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
+        self.headroom: Any = None              # `wsim.simulation.headroom.Headroom`, once explicit steps are asked for it
         try:
             with GATE.alone():
                 self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
@@ -158,11 +159,12 @@ class Simulation:
         self.seconds["compile"] = time.perf_counter() - began
 
     def _replay(self) -> None:
-        if self.plan.starts:
+        if not self.plan.starts:
+            wp.capture_launch(self.graph or self._capture())
+        elif "met again" in self.graphs and not self.plan.clock.starting:
+            wp.capture_launch(self.graphs["met again"])
+        else:
             self.plan.frame()
-            return
-        graph = self.graph or self._capture()
-        wp.capture_launch(graph)
 
     @property
     def graph(self) -> wp.Graph | None:
@@ -176,11 +178,18 @@ class Simulation:
         else:
             self.graphs[self.plan.clock.free] = value
 
+    def prepare(self) -> None:
+        """Compiles, and captures every form of a frame, so that none to come does: for live use, when motions were set once."""
+        from wsim.simulation import live
+        with GATE.alone():
+            live.prepare(self)
+
     def _capture(self) -> wp.Graph:
         began = time.perf_counter()
         with kernel_cache.capture(self.device) as capture:
             self.plan.frame()
-        self.graph = capture.graph
+        if not self.plan.starts:
+            self.graph = capture.graph
         self.seconds["capture"] = time.perf_counter() - began
         return capture.graph
 
@@ -252,20 +261,8 @@ class Simulation:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
         body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
         as this one does; history of other steps is none."""
-        exact = alike
-        self.plan.methods.restored(fields)
-        for path in self.state.paths():
-            values = fields.get(path, {})
-            for name, array, rows in self.state.of(path):
-                fits = name in values and len(values[name]) == len(rows)
-                exact &= fits
-                if name in values:
-                    now = array.numpy()
-                    now[rows] = values[name] if fits else stored(self.model.body(path), values[name])
-                    array.assign(now)
-        self.frame, self.plan.clock.starting = frame, not exact
-        for method in self.plan.methods if exact else ():
-            method.resumed((frame - 1) / self.scene.fps)
+        from wsim.simulation import live
+        live.restart(self, frame, fields, alike)
 
     # measuring
 

@@ -106,3 +106,14 @@ def test_a_stack_is_the_product_of_its_parts_and_its_rate_the_derivative():
 def test_what_is_no_motion_is_refused(wrong, said):
     with pytest.raises(ValueError, match=said):
         wrong(*keys())
+
+
+@pytest.mark.parametrize("turns", [0, 1, 4])
+def test_many_times_at_once_are_one_after_the_other_to_the_bit(turns):
+    """turns: keys that have a rotation of their own; the others have that of the key before."""
+    rng = np.random.default_rng(turns)
+    q = rng.normal(size=(5, 4))
+    q[:5 - turns] = q[0]
+    motion = Motion.through(np.cumsum(rng.uniform(0.1, 1.0, 5)), rng.normal(size=(5, 3)), rotation.normalized(q), "linear")
+    t = np.append(rng.uniform(-1.0, 5.0, 40), motion.times)
+    np.testing.assert_array_equal(motion.sampled(t), np.stack([motion.at(one) for one in t]))

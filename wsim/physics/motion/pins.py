@@ -51,9 +51,11 @@ class _Pinned:
         """Places as `targets` has them, at times (n,) [s]: (n, points, 3)."""
         if hasattr(self.motion, "follow"):
             return self.motion.over(times) - self.body.origin
-        if getattr(self.motion, "plain", True):
-            return np.stack([self.targets(time) for time in times])
         M = self.motion.sampled(times)
+        if getattr(self.motion, "plain", True):
+            if (M[:, :3, :3] == M[0, :3, :3]).all():
+                return self.locals @ M[0, :3, :3].T + M[:, None, :3, 3] - self.body.origin
+            return np.stack([self.targets(time) for time in times])
         return self.locals @ M[:, :3, :3].swapaxes(1, 2) + (M[:, None, :3, 3] - self.body.origin)
 
 
@@ -213,6 +215,7 @@ class Pins(Method):
                 values = np.concatenate([p.table(time + at[kind]) for p in group], axis=1)
                 if self.target[kind].shape[0] != len(values):
                     self.target[kind] = self.model.upload(values, types(self.model.real).vec3)
+                    self.moved = True                      # a graph has the array before, and how many rows it has
                 else:
                     self.target[kind].assign(values.astype(self.model.dtype))
 
