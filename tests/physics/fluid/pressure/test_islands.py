@@ -20,7 +20,7 @@ def piston(n: tuple[int, ...], sides, frames: int = 2, device: str = "cpu") -> S
 
 
 def stretched(n: tuple[int, ...], right: str, device: str) -> float:
-    """How far u is from x / L between wall and piston, where nothing else has that divergence; it goes as one to an open side."""
+    """How far u is from x / L between wall and piston, which alone has that divergence; as one to an open side."""
     sim = piston(n, ("closed", right, *("closed",) * 4), device=device)
     sim.run()
     u, face = method(sim).arrays(0)["u"], np.arange(n[0] + 1)
