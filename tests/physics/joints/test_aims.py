@@ -147,3 +147,25 @@ def test_a_spline_of_usd_moves_a_hinge_as_its_own_curve(tmp_path):
     fps = stage.GetTimeCodesPerSecond()
     want = np.radians([attribute.Get(code) for code in (0.0, 7.3, 15.0, 24.0)])
     np.testing.assert_allclose(found.curve.sampled(np.array([0.0, 7.3, 15.0, 24.0]) / fps), want, rtol=1e-6)
+
+
+def test_a_spline_of_one_drive_of_several_is_followed_exactly_and_other_samples_are_told(tmp_path):
+    b = [rod(f"/b{k}", (float(k), 0.0, 0.0)) for k in range(2)]
+    six = between("/j", b[0], b[1], limits=all_locked("rotX", "transZ"), drives={"rotX": Drive(3.0, 1.0, 0.5),
+                                                                                "transZ": Drive(4.0, 1.0, 0.25)})
+    save(scene(*b, six, frames=30), tmp_path / "a.usda")
+    stage = Usd.Stage.Open(str(tmp_path / "a.usda"))
+    drive, spline = UsdPhysics.DriveAPI(stage.GetPrimAtPath("/j"), "rotX"), Ts.Spline("float")
+    for time, value, slope in ((0.0, 10.0, 3.0), (20.0, 50.0, -2.0)):
+        spline.SetKnot(Ts.Knot(typeName="float", time=time, value=value, nextInterp=Ts.InterpCurve, preTanSlope=slope,
+                               postTanSlope=slope, preTanWidth=5.0, postTanWidth=7.0))
+    spline.SetPostExtrapolation(Ts.Extrapolation(Ts.ExtrapLoopOscillate))
+    drive.GetTargetPositionAttr().SetSpline(spline)
+    drive.GetStiffnessAttr().Set(30.0, 1.0), drive.GetStiffnessAttr().Set(60.0, 9.0)
+    stage.Save()
+    found = load(tmp_path / "a.usda")
+    (aim,), codes = found.varying, np.array([-4.0, 0.0, 3.3, 19.0, 31.0, 77.7])
+    want = np.radians([drive.GetTargetPositionAttr().Get(code) for code in codes])
+    got = aim.curve.sampled(codes / stage.GetTimeCodesPerSecond())
+    np.testing.assert_allclose(got, [[x if a == "rotX" else 0.25 for a in six.driven()] for x in want], rtol=1e-6)
+    assert any("drive:rotX:physics:stiffness: is sampled in time" in str(note) for note in found.notes)
