@@ -102,11 +102,12 @@ def move(sim: Simulation, user: Hands) -> None:
     sim.set("/garment", "stretch", user.dial(t))
 
 
-def run(scene: Scene, frames: int, device=None, viewer=None, at_once: bool = True, clock=time.perf_counter) -> dict:
-    """clock: of the times of frames; they wait by the wall's."""
+def run(scene: Scene, frames: int, device=None, viewer=None, at_once: bool = True, clock=time.perf_counter,
+        fps: float | None = None) -> dict:
+    """clock: of the times of frames; they wait by the wall's. fps: frames a second that the setting is to hold."""
     user = Hands(scene)
     scene.collider("/hand", Sphere(HAND), at=user.hand(0.0), static_friction=0.3, dynamic_friction=0.3)
-    sim = Simulation(scene, device=device)
+    sim = Simulation(scene, device=device, fps=fps)
     move(sim, user)
     sim.prepare()
     captured = sim.seconds.get("capture")
@@ -141,10 +142,10 @@ if __name__ == "__main__":
     if args.view:
         from wsim.show.viewer import Viewer
     r = run(shirt() if args.garment else curtain(args.points), round(args.seconds * RATE), args.device,
-            Viewer if args.view else None, args.at_once)
+            Viewer if args.view else None, args.at_once, fps=RATE)
     sim = r["simulation"]
     print(f"{sim.model.points} points on {sim.device}, {sim.plan.clock.substeps} substeps of {sim.plan.choice.solver}; a frame "
           f"takes {r['median']:.3g} ms (median), {r['p99']:.3g} (99 of 100), {r['most']:.3g} at most")
     if not args.at_once:
         print(f"{r['late']} of {len(r['ms']) + SETTLED} frames came later than the clock of {RATE:g} Hz")
-    print("\n".join(dict.fromkeys(sim.warnings)))
+    print("\n".join([sim.plan.choice.why, *dict.fromkeys(sim.warnings)]))

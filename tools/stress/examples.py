@@ -99,8 +99,8 @@ def steps(scene: Scene, solver: Solver) -> int:
     from wsim.model import model
     from wsim.physics.cloth.constraints import constrain
     from wsim.physics.motion import frequency
+    from wsim.physics.motion.stability import needed
     from wsim.scene.integrator import TABLE
-    from wsim.simulation.choice import needed
     built = model.build(scene, 1, wp.get_device("cpu"), wp.float64)
     constrain(built)
     omega, c = frequency.bound(built)

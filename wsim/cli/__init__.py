@@ -56,6 +56,11 @@ def _solver(command) -> None:
     _choices(command)
 
 
+def _fps(command) -> None:
+    command.add_argument("--fps", type=positive, metavar="N",
+                         help="the most accurate setting that is predicted to hold N frames a second of wall clock here")
+
+
 def _choices(command) -> None:
     command.add_argument("--variant", type=variant, action="append", default=[], metavar="/PRIM:SET=NAME",
                          help="choose a variant; may be repeated")
@@ -68,6 +73,7 @@ def _run(commands) -> None:
                      help="result: .usdc, .usda or .usd; an earlier one stays until it is whole (default: SCENE.sim.usdc)")
     run.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
     _solver(run)
+    _fps(run)
     run.add_argument("--error", type=fraction, metavar="E",
                      help="1%%, say: the fastest setting that `wsim bench` found to stay within it; runs it if need be")
     run.add_argument("--preroll", type=whole_or_none, default=0, metavar="N",
@@ -148,6 +154,7 @@ def _check(commands) -> None:
 def _plan(commands) -> None:
     plan = commands.add_parser("plan", help="show the stages that a scene needs, and why the rest is left out")
     plan.add_argument("scene")
+    _fps(plan)
     plan.add_argument("--json", action="store_true", help="print the stages as JSON")
     _solver(plan)
 
@@ -268,6 +275,9 @@ def _main(argv: list[str] | None) -> int:
         named = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
         if named:
             parser().error(f"--error chooses {', '.join(CHOSEN)}: leave out {' '.join(named)}, or --error")
+    given = [f"--{n}" for n in ("error", "substeps", "iterations") if getattr(args, n, None)]
+    if getattr(args, "fps", None) and given:
+        parser().error(f"--fps chooses substeps and iterations by their error: leave out {' '.join(given)}, or --fps")
     if args.command == "fit" and bool(args.to) == bool(args.many):
         parser().error("--to OBSERVED is one specimen, --many OBSERVED ... are several: give one of them")
     from wsim.cli import commands, sweep

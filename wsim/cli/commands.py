@@ -58,8 +58,8 @@ def _ready() -> None:
 def _simulation(scene: "Scene", args) -> "Simulation":
     _hush()
     from wsim.simulation.simulation import Simulation
-
-    return Simulation(scene, device=args.device, precision=args.precision or "float32")
+    fps = (getattr(args, "fps", None) or 0.0) * getattr(args, "samples", 1) or None        # short frames
+    return Simulation(scene, device=args.device, precision=args.precision or "float32", fps=fps)
 
 
 def run(args) -> int:

@@ -3,51 +3,41 @@ errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 
 
     explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.physics.motion.frequency`,
                 `wsim.physics.motion.stability`), a launch or less each; where it is stable it errs by less than any of the
-                others at any price they are run at, 1e-5 of the size at most where nothing is hit, and by about HIT h sqrt(g L)
-                where colliders are, met at some time of a step
+                others at any price they are run at
     implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
-                other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies
-    xpbd        backward Euler errs by DRIFT h sqrt(g L) on what falls and swings (order 1), whatever its sweeps cost, and M
-                sweeps over N springs in a row by `swept` besides; it takes so many substeps that this is no more than wanted,
-                or those that the scene names if they are more, and the scene's sweeps or one, whichever costs less; and so
-                many that sweeps leave no more strain in the edges that carry a cloth than STRAINED times that error
+                other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies; of sheets
+                BDF2 with one Newton step a substep, where as many as the wanted error takes cost less than sweeps
+    xpbd        as many substeps of backward Euler as the wanted error takes, or those that the scene names if they are more,
+                and the scene's sweeps or one, whichever costs less; and so many that sweeps leave no more strain in the edges
+                that carry a cloth than STRAINED times that error
 
-What a frame costs: `wsim.simulation.cost`. How often the choice misses: tools/bench/choice/misses.py
-(tools/results/choice_*.json).
+What each errs by: `wsim.simulation.predicted.errors`. What a frame costs: `wsim.simulation.cost`. How often the choice misses:
+tools/bench/choice/misses.py (tools/results/choice_*.json). For so many frames a second: `wsim.simulation.predicted.rate`.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 
-from wsim.model.model import Body, Model, edge_lengths, hard_places
+from wsim.model.model import Model, edge_lengths, hard_places
 from wsim.physics.cloth.constraints import of_body
 from wsim.physics.motion.stability import needed
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE, Integrator
-from wsim.scene.methods import carried, collides
-from wsim.simulation import cost, sweep_strain
+from wsim.scene.methods import carried, collides, touches
+from wsim.simulation import cost
+from wsim.simulation.predicted import errors, sweep_strain
+from wsim.simulation.predicted.errors import HIT, drift, falls, size
 
-DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
-                       # to 2.1 (at 0.25 s 0.26: it grows with time)
-HIT = 1.0              # as DRIFT, of leapfrog on colliders: cubes that fall on a floor 0.1 to 1.4, a cloth on a ball 0.8
-SWEPT = 0.084          # error over L (h / tau)^1.5 N^2 / M, tau = sqrt(L / g), that M sweeps leave to a cloth that swings, N
-                       # springs a side: 16 and 32, 1 kN/m and 100 kN/m, 10 x 4 to 40 x 4: within 15 % of it at 0.5 s
-ONE = 1.5              # times that where one sweep is all, which is not over-relaxed
-SOFT = 0.4             # a sweep moves a mass by half of what a spring lacks: N springs in a row lack 2 N g h^2 / M at the top,
-                       # N^2 g h^2 / M in all. Chains of 20 and 40 springs, M 4 and 8: 0.30 to 0.36 of that, M 1 0.50; cloths
-                       # of 32 and 64 points a side 0.24 to 0.40 (over-relaxed sweeps)
 STRAINED = 10.0        # strain that sweeps may leave in an edge, over the wanted error. A cloth of even cells has 7 to 9
                        # where `slack` is all of that error. Lower: slender triangles take more substeps, with the root of it
-FALL = 9.81            # [m/s^2] where a scene has no gravity: something else moves it, of which nothing is known
 STRETCHED = 1.5        # far from rest stiffness is not what the bound took it for
-EULER = 4.0            # as DRIFT, of backward Euler on colliders: a soft cloth on a ball 1, a soft cube that falls on a floor
-                       # 4; a stiff one, which it does not let rebound, and a cloth that wrinkles 13 to 20, whatever the step
 SURE = 1.5             # time over that of XPBD or Newton's method that leapfrog may take: the table is good to 1.3, and it errs
                        # by a hundredth of theirs or less
 STRUCK = 3.0           # the same where colliders are, for what EULER leaves
+SURER = 1.3            # time of XPBD over that of Newton steps of sheets, from which these are taken: the table is good to that
 FINER = 1.02           # ratio of substeps that are tried one after the other for the wanted error
 SOLVED = 2             # Newton steps a substep of soft bodies
 STIFFENED = 1.7        # materials that stiffen under strain need shorter steps than at rest, where the bound is close
@@ -64,6 +54,8 @@ class Choice:
     iterations: int
     why: str
     other: "Choice | None" = None            # what goes on where explicit steps that nobody named tear an edge
+    error: float | None = None               # predicted, over the scene's size: `wsim.simulation.predicted.errors`
+    omega: float = 0.0                       # highest frequency [rad/s] of Newton steps of sheets, where it is known
 
     @property
     def steps(self) -> int:
@@ -73,12 +65,37 @@ class Choice:
 
 def choose(model: Model, named: str = "") -> Choice:
     """The choice for a checked scene. Raises SceneError where a named explicit integrator is beyond its limit."""
+    found = _choose(model, named)
+    if (model.scene.solver, model.scene.integrator) != ("auto", "auto") or not falls(model):
+        return found
+    error = found.error if found.error is not None else predicted(model, found)
+    return replace(found, error=error, why=f"{found.why}; it errs by about {percent(error)} of the size" if found.why else
+                   found.why)
+
+
+def percent(error: float) -> str:
+    return f"{100.0 * error:.2g} %" if error < 1.0 else "over 100 %"
+
+
+def predicted(model: Model, choice: Choice) -> float:
+    """Error of a choice over the scene's size."""
+    bodies, h = falls(model), choice.integrator.solves / model.scene.fps / choice.substeps
+    if choice.solver == "explicit":
+        left = errors.leapfrog(model, bodies, h)
+    elif choice.solver == "xpbd":
+        left = errors.euler(model, bodies, h, 0 if _hard(model) else choice.iterations)
+    else:
+        left = errors.newton(model, bodies, h, choice.integrator.name, choice.omega or cost.highest(model))
+    return left / size(model)
+
+
+def _choose(model: Model, named: str) -> Choice:
     scene = model.scene
     method = TABLE.get(named or scene.integrator)
     if not model.bodies:
         return Choice("none", TABLE["backward_euler"], scene.substeps, scene.iterations, "there are no points")
     if method and method.rebounds and carried(scene):
-        return replace(choose(model, "bdf2"), why=f"{method.name} rebounds from rigid bodies that points touch")
+        return replace(_choose(model, "bdf2"), why=f"{method.name} rebounds from rigid bodies that points touch")
     if scene.solver == "explicit" or (method and method.explicit):
         return _explicit(model, method)
     if scene.softs:
@@ -108,7 +125,7 @@ def _soft(model: Model, method: Integrator | None) -> Choice:
         return newton
     euler = _euler(model, "implicit", iterations)
     newton = euler if collides(scene) else newton
-    reason = _unfit(model, "Newton's method")
+    reason = unfit(model, "Newton's method")
     if reason:
         return replace(newton, why=reason)
     from wsim.physics.motion.frequency import bound
@@ -150,7 +167,7 @@ def _auto(model: Model) -> Choice:
     scene, leapfrog, xpbd = model.scene, TABLE["leapfrog"], _sweeps(model)
     stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall"
     stall = stall if xpbd.solver == "implicit" else ""
-    reason = _unfit(model, "XPBD")
+    reason = unfit(model, "XPBD")
     if reason:
         return replace(xpbd, why=stall or reason)
     from wsim.physics.motion.frequency import bound
@@ -158,18 +175,40 @@ def _auto(model: Model) -> Choice:
     n = _struck(model, needed(scene, leapfrog, omega, c))
     explicit = cost.seconds(model, cost.explicit(model, n))
     sweeps = cost.seconds(model, cost.sweeps(model, xpbd.substeps, xpbd.iterations))
-    if explicit <= _worth(scene) * sweeps:
+    newton, solved = _newton(model, omega) if not stall else None, inf
+    if newton:
+        solved = cost.seconds(model, cost.solved(model, newton.substeps, 1, omega))
+    if explicit <= _worth(scene) * min(sweeps, solved):
         return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
                       f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
-    return replace(xpbd, why=f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
+    why = f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
+    if newton and SURER * solved < sweeps:
+        return replace(newton, why=f"{why}XPBD {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}; Newton steps "
+                       f"take {1e3 * solved:.3g} ms for {newton.substeps} of BDF2")
+    return replace(xpbd, why=why
                    + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}{xpbd.why}"))
+
+
+def known(model: Model) -> bool:
+    """False where the table does not know Newton's method of sheets: limits and tethers, surfaces that meet themselves, rigid
+    bodies that points touch."""
+    return not (_hard(model) or carried(model.scene) or touches(model.scene))
+
+
+def _newton(model: Model, omega: float) -> Choice | None:
+    """BDF2 of sheets, one Newton step a substep, of as many as the wanted error takes."""
+    if not known(model):
+        return None
+    bodies = falls(model)
+    n = _within(model, model.scene.substeps, lambda h: errors.newton(model, bodies, h, "bdf2", omega))
+    return Choice("implicit", TABLE["bdf2"], n, 1, "", omega=omega)
 
 
 def _sweeps(model: Model) -> Choice:
     """XPBD with the scene's sweeps or one, whichever costs less at the wanted error; Newton steps where sweeps would stall."""
     scene = model.scene
-    if _uneven(model):
+    if uneven(model):
         return _euler(model, "implicit", min(scene.iterations, 3))
     if _hard(model):                                      # limits and tethers carry loads past the sweeps
         return _euler(model, "xpbd", scene.iterations)
@@ -181,15 +220,14 @@ def _sweeps(model: Model) -> Choice:
 
 def _euler(model: Model, solver: str, iterations: int, lag: float = 0.0) -> Choice:
     """Backward Euler by that solver, of as many substeps as the wanted error takes, and no fewer than the scene names. lag: of
-    sweeps, see `wsim.simulation.sweep_strain`."""
+    sweeps, see `wsim.simulation.predicted.sweep_strain`."""
     sweeps, bodies = iterations if solver == "xpbd" and not _hard(model) else 0, falls(model)
-    factor = EULER if collides(model.scene) else DRIFT
 
     def error(h: float) -> float:
-        return drift(bodies, h, factor) + (swept(bodies, h, sweeps) if sweeps else 0.0)
+        return errors.euler(model, bodies, h, sweeps)
 
     def strain(h: float) -> float:
-        return lag * h * h / iterations * _size(model) / STRAINED
+        return lag * h * h / iterations * size(model) / STRAINED
     n = _within(model, model.scene.substeps, error)
     most = _within(model, n, strain)
     why = f" ({n} would leave a strain of {lag / (model.scene.fps * n)**2 / iterations:.2g} in its edges)" if most > n else ""
@@ -209,13 +247,13 @@ def _struck(model: Model, n: int) -> int:
 
 def _within(model: Model, n: int, error: Callable[[float], float]) -> int:
     """Substeps a frame, n or more, with which error(h) [m] is no more than wanted."""
-    wanted = model.scene.error * _size(model)
+    wanted = model.scene.error * size(model)
     while wanted > 0.0 and error(1.0 / model.scene.fps / n) > wanted:
         n = max(n + 1, int(n * FINER))
     return n
 
 
-def _uneven(model: Model) -> bool:
+def uneven(model: Model) -> bool:
     """Whether free masses that hold each other differ by more than UNEVEN."""
     pinned = hard_places(model)
     for body in (b for b in model.bodies if b.world == 0):
@@ -228,7 +266,7 @@ def _uneven(model: Model) -> bool:
     return False
 
 
-def _unfit(model: Model, other: str) -> str:
+def unfit(model: Model, other: str) -> str:
     """Why a scene should not be stepped explicitly unless it asks to be, or ""."""
     if _hard(model):
         return f"tethers or strain limits: {other} solves them and forces together"
@@ -241,59 +279,3 @@ def _unfit(model: Model, other: str) -> str:
 
 def _hard(model: Model) -> bool:
     return any(r.hard for r in model.constraints)
-
-
-@dataclass(frozen=True)
-class Fall:
-    """A body that falls and swings."""
-
-    size: float                              # L, its largest extent [m]
-    row: float                               # N, springs one behind the other through it
-    g: float                                 # [m/s^2]
-
-
-def falls(model: Model) -> list[Fall]:
-    """Fall heights of every body with edges."""
-    found = []
-    for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
-        g = float(np.linalg.norm(model.scene.gravity)) + _loaded(model, body) or FALL
-        size = max(_extent(body), 1e-9)
-        found.append(Fall(size, size / max(float(edge_lengths(body).mean()), 1e-9), g))
-    return found
-
-
-def drift(bodies: list[Fall], h: float, factor: float = DRIFT) -> float:
-    """RMS error [m] of steps h [s] of a method of order 1, after T: see DRIFT, EULER and HIT."""
-    return max((factor * h * (b.g * b.size)**0.5 for b in bodies), default=0.0)
-
-
-def swept(bodies: list[Fall], h: float, iterations: int) -> float:
-    """Error that unfinished sweeps add [m]: bodies that hang longer than they are, and swing slower."""
-    factor = SWEPT * (ONE if iterations == 1 else 1.0)
-    swings = (factor * b.size * (h * (b.g / b.size)**0.5)**1.5 * b.row**2 / iterations for b in bodies)
-    return max(slack(bodies, h, iterations), *swings, 0.0)
-
-
-def slack(bodies: list[Fall], h: float, iterations: int) -> float:
-    """Length [m] by which so many sweeps of a step h [s] leave hanging bodies longer than they are: see SOFT."""
-    return max((SOFT * b.g * h * h * b.row**2 / iterations for b in bodies), default=0.0)
-
-
-def _loaded(model: Model, body) -> float:
-    """Largest acceleration [m/s^2] that loads give a body as a whole."""
-    if not model.scene.loads:
-        return 0.0
-    from wsim.scene.nodal.loads import nodal
-    return sum(float(np.linalg.norm(load.curve.values, axis=1).max() * np.abs(nodal(load, body)[1]).sum())
-               for load in model.scene.loads if load.body == body.path) / float(body.masses.sum())
-
-
-def _size(model: Model) -> float:
-    """Largest extent of a body [m]; at least 1 mm."""
-    return max(1e-3, *map(_extent, model.bodies))
-
-
-def _extent(body: Body) -> float:
-    """Largest extent [m] of the points that are not idle."""
-    moved = np.delete(body.places, body.idle - body.first, axis=0)
-    return float(np.ptp(moved, axis=0).max()) if len(moved) else 0.0

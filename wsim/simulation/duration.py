@@ -12,10 +12,15 @@ def duration(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
-def long(plan) -> list[str]:
-    """Warnings of many steps a frame, with the time that a frame is expected to take (`wsim.simulation.cost`)."""
+def long(plan, fps: float | None = None) -> list[str]:
+    """Warnings of many steps a frame, with the time that a frame is expected to take (`wsim.simulation.cost`); and where no
+    setting holds so many frames a second of wall clock."""
     from wsim.scene.check.counts import MANY
-    return [f"warning: /: {count} {what}: a frame takes about {duration(plan.seconds)}" for what, count in (
+    late = []
+    if fps is not None and plan.seconds * fps > 1.0:
+        late = [f"warning: /: {fps:g} frames a second are not held: a frame by the fastest setting takes about "
+                f"{_short(plan.seconds)}; a coarser mesh or a GPU (--device cuda:0) takes less"]
+    return late + [f"warning: /: {count} {what}: a frame takes about {duration(plan.seconds)}" for what, count in (
         ("substeps a frame", plan.choice.steps), ("iterations a substep", plan.choice.iterations)) if count > MANY]
 
 

@@ -178,11 +178,11 @@ class Plan:
         return "\n".join(lines + [f"left out: {s['stage']}: {s['why']}" for s in self.skipped])
 
 
-def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False) -> Plan:
-    """Model, state and stages of a checked scene."""
+def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False, fps: float | None = None) -> Plan:
+    """Model, state and stages of a checked scene. fps: frames a second of wall clock that it is to hold."""
     model = models.build(scene, worlds, device, real)
     model.gradients, model.by_point = gradients, gradients or bool(scene.loads)
-    b = _chosen(model)
+    b = _chosen(model, fps)
     b.reasons = {row.name: needed(row, b) for row in METHODS}
     model.module = _module(b) + ADJOINT * gradients
     if model.fuses and b.choice.solver == "explicit":
@@ -216,11 +216,15 @@ def choice(scene: Scene, *, device, real) -> Choice:
     return _chosen(models.build(scene, 1, device, real)).choice
 
 
-def _chosen(model: Model) -> Build:
+def _chosen(model: Model, fps: float | None = None) -> Build:
     """Constraints of every body, and the solver, integrator and steps that they are given."""
     scene = model.scene
     constrain(model)
-    choice = choose(model)
+    if fps is None:
+        choice = choose(model)
+    else:
+        from wsim.simulation.predicted.rate import hold
+        choice = hold(model, fps)
     if scene.solver == "explicit" and choice.substeps > scene.substeps and scene.cloths:
         from wsim.physics.fused.stiff_few import slow
         if said := slow(model):

@@ -35,14 +35,17 @@ class Simulation:
     precision  "float32" or "float64" (the measuring instrument)
     worlds     so many independent copies of the scene in one set of arrays
     gradients  kernels are compiled with their adjoints, for a `wsim.gradient.recording.Recording`
+    fps        frames a second of wall clock, which the setting is to hold: `wsim.simulation.predicted.rate`
     Raises SceneError with every problem of the scene.
     """
 
     def __init__(self, scene: "Scene | str | PathLike", *, device=None, precision: str = "float32", worlds: int = 1,
-                 gradients: bool = False):
+                 gradients: bool = False, fps: float | None = None):
         began = time.perf_counter()
         if precision not in PRECISIONS:
             raise SceneError(Problem("precision", f"found {precision!r}; allowed are {', '.join(PRECISIONS)}"))
+        if fps is not None and not 0.0 < fps < float("inf"):
+            raise SceneError(Problem("fps", f"found {fps}; allowed is a finite number of frames a second above 0"))
         if worlds < 1:
             raise SceneError(Problem("worlds", f"found {worlds}; allowed is 1 or more"))
         if not isinstance(scene, Scene):
@@ -51,7 +54,7 @@ class Simulation:
         problems = check(scene)
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
-        self.given, self.precision, self.worlds, self.gradients = scene, precision, worlds, gradients
+        self.given, self.precision, self.worlds, self.gradients, self.fps = scene, precision, worlds, gradients, fps
         self.device = kernel_cache.device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
@@ -79,10 +82,10 @@ class Simulation:
         try:
             with GATE.alone():
                 self.plan = plans.build(self.scene, device=self.device, real=PRECISIONS[self.precision], worlds=self.worlds,
-                                        gradients=self.gradients)
+                                        gradients=self.gradients, fps=self.fps)
         except RuntimeError as error:
             raise retry.refused(error, self.device) from None
-        self.warnings += [w for w in duration.long(self.plan) if w not in self.warnings]
+        self.warnings += [w for w in duration.long(self.plan, self.fps) if w not in self.warnings]
         self.model, self.state = self.plan.model, self.plan.state
         self.milliseconds: list[float] = []
         retry.settle(self)

@@ -14,8 +14,8 @@ from wsim.scene import Scene, SceneError, Sphere, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
 from wsim.scene.integrator import EXPLICIT, IMPLICIT, TABLE
-from wsim.simulation import choice
 from wsim.simulation.plan import build
+from wsim.simulation.predicted import errors
 from wsim.simulation.simulation import Simulation
 
 DOUBLE = {"device": "cpu", "precision": "float64"}
@@ -308,7 +308,7 @@ def test_auto_takes_what_costs_least_and_says_why():
 
 @pytest.mark.parametrize("springs, sweeps", [(20, 4), (20, 8), (30, 4)])
 def test_a_hanging_chain_is_longer_by_what_sweeps_leave(springs, sweeps):
-    """A row of N stiff springs under M sweeps: N^2 g h^2 / M but for a factor; `choice.slack` is above and within 2."""
+    """A row of N stiff springs under M sweeps: N^2 g h^2 / M but for a factor; `errors.slack` is above and within 2."""
     scene = Scene(fps=60.0, substeps=10, iterations=sweeps, solver="xpbd", integrator="backward_euler", air_drag=6.0)
     chain = scene.net("/chain", [[0.0, -0.05 * i, 0.0] for i in range(springs + 1)], [[i, i + 1] for i in range(springs)],
                       [1e7] * springs, [0.01] * (springs + 1))
@@ -316,15 +316,15 @@ def test_a_hanging_chain_is_longer_by_what_sweeps_leave(springs, sweeps):
     sim = Simulation(scene, **DOUBLE)
     sim.run(150)
     longer = -sim.positions()[-1, 1] - 0.05 * springs
-    assert 0.5 < longer / choice.slack(choice.falls(sim.model), 1.0 / 600.0, sweeps) < 1.0
+    assert 0.5 < longer / errors.slack(errors.falls(sim.model), 1.0 / 600.0, sweeps) < 1.0
 
 
 def test_auto_takes_the_substeps_with_which_xpbd_errs_by_no_more_than_asked():
     sim = Simulation(replace(reference.spring_cloth(40, stretch=1e9, diagonal=1e9), error=1e-3, substeps=1), device="cpu")
-    chosen, bodies, h = sim.plan.choice, choice.falls(sim.model), 1.0 / 60.0 / sim.plan.clock.substeps
+    chosen, bodies, h = sim.plan.choice, errors.falls(sim.model), 1.0 / 60.0 / sim.plan.clock.substeps
 
     def error(h: float) -> float:
-        return choice.drift(bodies, h) + choice.swept(bodies, h, chosen.iterations)
+        return errors.drift(bodies, h) + errors.swept(bodies, h, chosen.iterations)
     assert chosen.solver == "xpbd" and error(h) <= 1e-3 < error(1.03 * h)
 
 

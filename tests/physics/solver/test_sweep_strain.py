@@ -1,4 +1,5 @@
-"""Slender triangles in XPBD: sweeps leave a seam that carries a cloth the strain that `wsim.simulation.sweep_strain` says, no
+"""Slender triangles in XPBD: sweeps leave a seam that carries a cloth the strain that
+`wsim.simulation.predicted.sweep_strain` says, no
 seam tears, and `auto` takes as many substeps as that asks for."""
 
 from dataclasses import replace
@@ -10,7 +11,7 @@ from wsim.scene import Capsule, Scene
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric, fabric
 from wsim.scene.shapes import sheet
-from wsim.simulation import choice, sweep_strain
+from wsim.simulation.predicted import errors, sweep_strain
 from wsim.simulation.simulation import Simulation
 
 STIFF = Fabric(stretch=1e6, shear=1e6, bend=0.0, density=400.0, thickness=5e-4)        # all strain is what sweeps leave
@@ -31,7 +32,7 @@ def left(seam: float, substeps: int, iterations: int) -> tuple[float, float]:
     """Largest strain at rest, and what is expected."""
     sim = Simulation(hung(seam, substeps, iterations), device="cpu", precision="float64")
     sim.run()
-    lag = sweep_strain.lag(sim.model, choice.falls(sim.model))
+    lag = sweep_strain.lag(sim.model, errors.falls(sim.model))
     return sim.indicators()["max_strain"], lag / (24.0 * substeps)**2 / iterations
 
 
@@ -64,14 +65,14 @@ def test_no_seam_tears_where_triangles_of_1_to_62_carry_a_cloth(substeps, iterat
     sim = Simulation(draped(1e-3, substeps=substeps, iterations=iterations, solver="xpbd"), device="cpu")
     worst = []
     sim.run(24, lambda s: worst.append(s.indicators()["max_strain"]))
-    assert max(worst) < 10.0 * sweep_strain.lag(sim.model, choice.falls(sim.model)) / (24.0 * substeps)**2 / iterations
+    assert max(worst) < 10.0 * sweep_strain.lag(sim.model, errors.falls(sim.model)) / (24.0 * substeps)**2 / iterations
 
 
 def test_auto_takes_the_substeps_that_a_seam_needs():
     """A millimetre: with the substeps that its motion alone needs, the seam is strained by more than `auto` lets sweeps leave
     there, ten times the wanted error of 1 %."""
     sim = Simulation(replace(hung(1e-3, 10, 1), solver="auto", integrator="auto"), device="cpu")
-    lag, n, why = sweep_strain.lag(sim.model, choice.falls(sim.model)), sim.plan.choice.substeps, sim.plan.choice.why
+    lag, n, why = sweep_strain.lag(sim.model, errors.falls(sim.model)), sim.plan.choice.substeps, sim.plan.choice.why
     assert sim.plan.choice.solver == "xpbd" and lag / (24.0 * n)**2 <= 0.1 < lag / (24.0 * n / 1.04)**2
     before = Simulation(hung(1e-3, int(why.split(" (")[-1].split()[0]), 1), device="cpu")
     for run in (sim, before):
@@ -83,6 +84,6 @@ def test_a_cloth_of_even_cells_takes_no_more_substeps_than_its_motion_needs():
     scene = Scene(fps=24.0, substeps=10)
     scene.pin("/pin", scene.cloth("/cloth", *sheet(1.0, 1.0, 32, 32), material=fabric("cotton")), range(33))
     sim = Simulation(scene, device="cpu")
-    lag = sweep_strain.lag(sim.model, choice.falls(sim.model))
+    lag = sweep_strain.lag(sim.model, errors.falls(sim.model))
     assert sim.plan.choice.solver == "xpbd" and "in its edges" not in sim.plan.choice.why
     assert lag == pytest.approx(3.5 * 9.81 * 32**2, rel=0.35)

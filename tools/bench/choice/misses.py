@@ -1,7 +1,7 @@
 """How often `auto` misses: over a grid of scenes, its error against the wanted one and its time against the best of what else
 could be taken; and the constants of `wsim.simulation.cost.COSTS` that fit what was measured.
 
-    python tools/bench/choice/misses.py [--device cuda:0] [--quick] [--kinds net,soft] [--json FILE]
+    python tools/bench/choice/misses.py [--device cuda:0] [--quick] [--kinds net,soft] [--scenes flag,cape] [--json FILE]
 
 error    largest of the frames up to T = sqrt(2 L / g), L the size of the scene (of a cloth that folds on a ball, and then
          amplifies whatever differs, to half of T): RMS distance from leapfrog in float64 with
@@ -26,11 +26,12 @@ import warp as wp
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 from tools.bench.choice.costs import fitted, ratios  # noqa: E402
-from tools.bench.choice.scenes import Case, cases  # noqa: E402
+from tools.bench.choice.scenes import Authored, Case, cases  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from wsim.bench.track import distance, places, size  # noqa: E402
 from wsim.scene import Scene, SceneError  # noqa: E402
 from wsim.simulation import cost  # noqa: E402
+from wsim.simulation.choice import predicted  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 
 LATE = 1.3             # times the time of the best
@@ -38,6 +39,7 @@ LASTING = 0.03         # [s] that the replays of a frame last together
 REFINED = 4            # times the stable substeps, of the reference
 DOUBTED = 0.3          # of the wanted error, up to which a reference can judge it
 SWEPT = ((10, 4), (40, 1), (80, 1), (40, 4))                          # XPBD, substeps x sweeps
+NEWTON = (("bdf2", 10, 1), ("bdf2", 20, 1), ("bdf2", 40, 1), ("backward_euler", 20, 1))      # of sheets and nets
 SOLVED = (("backward_euler", 10, 2), ("backward_euler", 40, 2), ("sdirk3", 5, 2), ("sdirk3", 10, 2))
 
 
@@ -71,14 +73,16 @@ def reference(scene: Scene, frames: int, device) -> tuple[np.ndarray, float]:
     return fine, float(distance(coarse, fine).max())
 
 
-def counts(sim: Simulation) -> dict[str, float] | None:
-    """What a frame does, by the names of `wsim.simulation.cost`; None where that is not known: cloth by Newton's method."""
+def counts(sim: Simulation) -> dict[str, float]:
+    """What a frame does, by the names of `wsim.simulation.cost`."""
     model, choice, n = sim.model, sim.plan.choice, sim.plan.clock.substeps
     if choice.solver == "explicit":
         return cost.explicit(model, n)
     if choice.solver == "xpbd":
         return cost.sweeps(model, n, choice.iterations)
-    return cost.newton(model, n, choice.iterations) if sim.scene.softs else None
+    if sim.scene.softs:
+        return cost.newton(model, n, choice.iterations)
+    return cost.solved(model, n, choice.iterations, choice.omega or cost.highest(model))
 
 
 def alternatives(scene: Scene) -> list[dict]:
@@ -87,7 +91,9 @@ def alternatives(scene: Scene) -> list[dict]:
     if scene.softs:
         return [explicit] + [{"solver": "implicit", "integrator": name, "substeps": n, "iterations": m} for name, n, m in SOLVED
                              if name == "backward_euler" or not scene.colliders]
-    return [explicit] + [{"solver": "xpbd", "integrator": "backward_euler", "substeps": n, "iterations": m} for n, m in SWEPT]
+    xpbd = [{"solver": "xpbd", "integrator": "backward_euler", "substeps": n, "iterations": m} for n, m in SWEPT]
+    return [explicit, *xpbd] + [
+        {"solver": "implicit", "integrator": name, "substeps": n, "iterations": m} for name, n, m in NEWTON]
 
 
 def measured(scene: Scene, there: np.ndarray, device, **settings) -> dict:
@@ -98,10 +104,11 @@ def measured(scene: Scene, there: np.ndarray, device, **settings) -> dict:
     choice, errors = sim.plan.choice, distance(track(sim, len(there)), there) / size(scene)
     return {"solver": choice.solver, "integrator": choice.integrator.name, "substeps": choice.steps,
             "iterations": choice.iterations, "error": float(errors.max()), "seconds": frame_seconds(sim),
+            "predicted": [sim.plan.seconds, predicted(sim.model, choice)],
             "counts": counts(sim) if sim.plan.choice is choice else None, "notes": sim.warnings}
 
 
-def judged(case: Case, device) -> dict:
+def judged(case: Case | Authored, device) -> dict:
     """A scene by every alternative and by `auto`."""
     scene = case.scene
     frames = max(2, ceil((2.0 * size(scene) / 9.81)**0.5 * scene.fps * case.part))
@@ -124,8 +131,9 @@ def judged(case: Case, device) -> dict:
 
 
 def line(r: dict) -> str:
+    seconds, error = r["predicted"]
     return (f"{r['solver']} {r['integrator']} {r['substeps']} x {r['iterations']}: {1e3 * r['seconds']:.3g} ms, "
-            f"{r['error']:.1e}")
+            f"{r['error']:.1e} (predicted {1e3 * seconds:.3g}, {error:.1e})")
 
 
 def told(rows: list[dict]) -> str:
@@ -156,6 +164,7 @@ def main() -> None:
     parser.add_argument("--device", default=None)
     parser.add_argument("--quick", action="store_true", help="small scenes only: what a CPU does in some minutes")
     parser.add_argument("--kinds", default="", help="of scenes, by commas; all unless given")
+    parser.add_argument("--scenes", default="", help="example scenes, by commas, in place of the grid")
     parser.add_argument("--json", default=None)
     args = parser.parse_args()
     device, rows = wp.get_device(args.device), []
@@ -163,7 +172,8 @@ def main() -> None:
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     where = f"{hardware(device)}{'' if device.is_cuda else ', one of them'}"
     print(f"{where}, warp {wp.config.version}, {'wall clock' if device.is_cuda else 'CPU seconds'}")
-    for case in (c for c in cases(args.quick) if not args.kinds or c.kind in args.kinds.split(",")):
+    grid = [c for c in cases(args.quick) if not args.kinds or c.kind in args.kinds.split(",")]
+    for case in [Authored(name) for name in args.scenes.split(",")] if args.scenes else grid:
         rows.append(judged(case, device))
         r = rows[-1]
         print(f"{r['case']}: reference to {r['doubt']:.0e}; {'MISSES ' + ' and '.join(r['misses']) if r['misses'] else 'holds'}"

@@ -4,6 +4,7 @@ stiffnesses, and cloths and soft bodies above, on and far from a collider. Frame
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -41,6 +42,22 @@ class Case:
     @property
     def scene(self) -> Scene:
         return (_soft if self.kind in ("soft", "above a floor", "on a floor") else _net if self.kind == "net" else _cloth)(self)
+
+
+@dataclass(frozen=True)
+class Authored:
+    """An example scene, which no constant was fitted to."""
+
+    kind: str
+    part: float = 1.0
+
+    def __str__(self) -> str:
+        return self.kind
+
+    @property
+    def scene(self) -> Scene:
+        from wsim.usd import load
+        return load(str(Path(__file__).resolve().parents[3] / "scenes" / f"{self.kind}.usda"))
 
 
 def cases(quick: bool) -> Iterator[Case]:

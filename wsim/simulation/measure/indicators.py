@@ -195,7 +195,8 @@ def report(sim, with_profile: bool = True) -> dict:
         "points": plan.model.points, "constraints": constraints, "sizes": sizes, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,
         "constraints_per_second": a_substep * a_second, "bodies_per_second": sizes.get("bodies", 0) * a_second,
-        "seconds": dict(sim.seconds), "error": error,
+        "seconds": dict(sim.seconds), "error": error, "predicted": {"ms_per_frame": 1e3 * plan.seconds,
+                                                                    "error": plan.choice.error},
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in method.kept()],

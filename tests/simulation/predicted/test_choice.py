@@ -15,7 +15,9 @@ from wsim.scene import Scene, Surface
 from wsim.scene.fabric import Fabric
 from wsim.scene.shapes import block, sheet, sphere
 from wsim.scene.solid import Bulk
-from wsim.simulation import choice, cost
+from wsim.simulation import cost
+from wsim.simulation.choice import choose
+from wsim.simulation.predicted import errors
 from wsim.simulation.report import text
 from wsim.simulation.simulation import Simulation
 
@@ -45,9 +47,9 @@ def test_a_collider_keeps_nothing_from_explicit_steps_that_cost_less(kind, size,
 def test_what_is_too_stiff_for_them_takes_the_substeps_that_contacts_need():
     """Backward Euler, of order 1: EULER h sqrt(g L) is no more than wanted; the scene's 10 steps would leave 14 %."""
     sim = Simulation(Case("on a floor", 3, 1e12).scene, device="cpu")
-    bodies, n = choice.falls(sim.model), sim.plan.choice.substeps
+    bodies, n = errors.falls(sim.model), sim.plan.choice.substeps
     assert sim.plan.choice.solver == "implicit" and sim.plan.choice.integrator.name == "backward_euler"
-    left = [choice.drift(bodies, 1.0 / 24.0 / k, choice.EULER) / 0.3 for k in (n, n / 1.03, 10)]
+    left = [errors.drift(bodies, 1.0 / 24.0 / k, errors.EULER) / 0.3 for k in (n, n / 1.03, 10)]
     assert left[0] <= 0.01 < left[1] and left[2] == pytest.approx(0.095, rel=0.02)
 
 
@@ -101,7 +103,7 @@ def test_measured_frames_give_back_their_constants():
 def test_what_a_frame_is_said_to_take_counts_contacts_damping_and_bodies_and_no_choice_does():
     bare = Case("on a ball", 12, 50.0).scene
     model = Simulation(bare, device="cpu").model
-    chosen = choice.choose(model)
+    chosen = choose(model)
     said = cost.frame(model, chosen)
     assert said["met"] == chosen.substeps * 144 and said["body"] == said["damped"] == said["grid"] == said["cell"] == 0
     without = {name: value for name, value in said.items() if name not in ("met", "body", "damped", "grid", "cell")}
@@ -116,7 +118,7 @@ def test_a_damped_tet_costs_as_the_iterations_of_its_solve_go(damping, times):
     scene = Scene(fps=75.0, solver="implicit", integrator="backward_euler", substeps=4, iterations=1)
     scene.soft("/jelly", *block((1, 1, 1), 2), material=Bulk(damping=damping))
     model = Simulation(scene, device="cpu").model
-    chosen = choice.choose(model)
+    chosen = choose(model)
     assert (chosen.substeps, chosen.iterations) == (4, 1)
     assert cost.frame(model, chosen)["damped"] == pytest.approx(4 * 40 * times)
 

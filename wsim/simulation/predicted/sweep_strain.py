@@ -12,8 +12,8 @@ its two triangles:
     strain = g h^2 q / M,    q = m / L max (w0 + w1) A / l^2   [1/m]
 
 Square cells of a side L / N: q = 2 N^2 / L (up to 3.5 near corners, whose masses are small), the displacement of
-`wsim.simulation.choice.slack` spread over the rows. Edges much shorter than their triangles are wide, as in the seams of a
-garment, lag far more than any displacement tells: l is small, and the masses are those of wide triangles.
+`wsim.simulation.predicted.errors.slack` spread over the rows. Edges much shorter than their triangles are wide, as in the
+seams of a garment, lag far more than any displacement tells: l is small, and the masses are those of wide triangles.
 
 Measured over this: 0.74 in a seam below a pinned edge (membranes, one sweep; four 0.6; springs, which several constraints
 hold, 0.25); 0.7 to 1 in the collar of a shirt of 6436 points, 96 to 384 substeps x 1, where fewer edges carry more.
@@ -27,7 +27,7 @@ from wsim.scene import Cloth
 
 
 def lag(model: Model, falls: list) -> float:
-    """Strain over h^2 / M, g q [1/s^2], largest of all cloths. falls: `wsim.simulation.choice.falls`."""
+    """Strain over h^2 / M, g q [1/s^2], largest of all cloths. falls: `wsim.simulation.predicted.errors.falls`."""
     bodies, pinned = [b for b in model.bodies if b.world == 0 and len(b.edges)], hard_places(model)
     return max((f.g * slender(b, pinned, f.size) for b, f in zip(bodies, falls, strict=True) if isinstance(b.source, Cloth)),
                default=0.0)

@@ -1,0 +1,116 @@
+"""RMS error [m] that each solver is predicted to leave after a fall through a body's size L, T = sqrt(2 L / g), before any is
+run: with steps h, tau = sqrt(L / g), omega the highest frequency of the scene,
+
+    leapfrog           LEAP g h^2, and what float32 rounds; on colliders HIT h sqrt(g L), met at some time of a step
+    backward Euler     DRIFT h sqrt(g L) on what falls and swings, EULER on colliders
+    XPBD               that of backward Euler, and what M sweeps over N springs in a row leave: `swept`
+    BDF2, one Newton   SECOND g h^2 and TURNED (omega h)^2 h sqrt(g L): an edge that turns in a step strains by the square of
+    step               its turn, which the next step takes back; drag of the air and colliders leave order 1
+    sdirk3             of soft bodies, two Newton steps: THIRD g h^2
+
+Measured beside, over 11 sheets of 15 to 39 cells a side, 50 N/m to 5 MN/m, 5 to 40 steps of 1/24 s: BDF2's 0.45 to 1.6 of that
+where it is below 0.1 L (tools/results/choice_newton_cpu.json). What wrinkles on a collider errs by up to three times that.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsim.model.model import Body, Model, edge_lengths
+from wsim.scene.methods import collides
+
+DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
+                       # to 2.1 (at 0.25 s 0.26: it grows with time)
+HIT = 1.0              # as DRIFT, of leapfrog on colliders: cubes that fall on a floor 0.1 to 1.4, a cloth on a ball 0.8
+SWEPT = 0.084          # error over L (h / tau)^1.5 N^2 / M, tau = sqrt(L / g), that M sweeps leave to a cloth that swings, N
+                       # springs a side: 16 and 32, 1 kN/m and 100 kN/m, 10 x 4 to 40 x 4: within 15 % of it at 0.5 s
+ONE = 1.5              # times that where one sweep is all, which is not over-relaxed
+SOFT = 0.4             # a sweep moves a mass by half of what a spring lacks: N springs in a row lack 2 N g h^2 / M at the top,
+                       # N^2 g h^2 / M in all. Chains of 20 and 40 springs, M 4 and 8: 0.30 to 0.36 of that, M 1 0.50; cloths
+                       # of 32 and 64 points a side 0.24 to 0.40 (over-relaxed sweeps)
+FALL = 9.81            # [m/s^2] where a scene has no gravity: something else moves it, of which nothing is known
+EULER = 4.0            # as DRIFT, of backward Euler on colliders: a soft cloth on a ball 1, a soft cube that falls on a floor
+                       # 4; a stiff one, which it does not let rebound, and a cloth that wrinkles 13 to 20, whatever the step
+LEAP = 1.5             # nets and sheets of 16 to 40 points a side, 18 to 60 substeps of 1/24 s: 1.2 to 1.5
+ROUNDED = 1e-5         # error over L that float32 leaves: 2e-6 to 1e-5 where leapfrog's own is less
+SECOND, TURNED = 18.0, 1e-4
+THIRD = 0.6            # bars of 2 to 8 cells across, 5 and 10 steps: 0.26 to 0.65
+
+
+@dataclass(frozen=True)
+class Fall:
+    """A body that falls and swings."""
+
+    size: float                              # L, its largest extent [m]
+    row: float                               # N, springs one behind the other through it
+    g: float                                 # [m/s^2]
+
+
+def falls(model: Model) -> list[Fall]:
+    """Fall heights of every body with edges."""
+    found = []
+    for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
+        g = float(np.linalg.norm(model.scene.gravity)) + _loaded(model, body) or FALL
+        size = max(extent(body), 1e-9)
+        found.append(Fall(size, size / max(float(edge_lengths(body).mean()), 1e-9), g))
+    return found
+
+
+def drift(bodies: list[Fall], h: float, factor: float = DRIFT) -> float:
+    """RMS error [m] of steps h [s] of a method of order 1, after T: see DRIFT, EULER and HIT."""
+    return max((factor * h * (b.g * b.size)**0.5 for b in bodies), default=0.0)
+
+
+def swept(bodies: list[Fall], h: float, iterations: int) -> float:
+    """Error that unfinished sweeps add [m]: bodies that hang longer than they are, and swing slower."""
+    factor = SWEPT * (ONE if iterations == 1 else 1.0)
+    swings = (factor * b.size * (h * (b.g / b.size)**0.5)**1.5 * b.row**2 / iterations for b in bodies)
+    return max(slack(bodies, h, iterations), *swings, 0.0)
+
+
+def slack(bodies: list[Fall], h: float, iterations: int) -> float:
+    """Length [m] by which so many sweeps of a step h [s] leave hanging bodies longer than they are: see SOFT."""
+    return max((SOFT * b.g * h * h * b.row**2 / iterations for b in bodies), default=0.0)
+
+
+def _loaded(model: Model, body) -> float:
+    """Largest acceleration [m/s^2] that loads give a body as a whole."""
+    if not model.scene.loads:
+        return 0.0
+    from wsim.scene.nodal.loads import nodal
+    return sum(float(np.linalg.norm(load.curve.values, axis=1).max() * np.abs(nodal(load, body)[1]).sum())
+               for load in model.scene.loads if load.body == body.path) / float(body.masses.sum())
+
+
+def size(model: Model) -> float:
+    """Largest extent of a body [m]; at least 1 mm."""
+    return max(1e-3, *map(extent, model.bodies))
+
+
+def extent(body: Body) -> float:
+    """Largest extent [m] of the points that are not idle."""
+    moved = np.delete(body.places, body.idle - body.first, axis=0)
+    return float(np.ptp(moved, axis=0).max()) if len(moved) else 0.0
+
+
+def leapfrog(model: Model, bodies: list[Fall], h: float) -> float:
+    """Error of leapfrog where it is stable [m]."""
+    hit = drift(bodies, h, HIT) if collides(model.scene) else 0.0
+    return max((LEAP * b.g * h * h for b in bodies), default=0.0) + ROUNDED * size(model) + hit
+
+
+def euler(model: Model, bodies: list[Fall], h: float, sweeps: int = 0) -> float:
+    """Error of backward Euler [m]; sweeps: of XPBD, 0 where it is solved."""
+    return drift(bodies, h, EULER if collides(model.scene) else DRIFT) + (swept(bodies, h, sweeps) if sweeps else 0.0)
+
+
+def newton(model: Model, bodies: list[Fall], h: float, name: str, omega: float) -> float:
+    """Error of Newton's method with that integrator [m], of sheets one Newton step a system. h: of a step."""
+    if name not in ("bdf2", "sdirk3"):
+        return euler(model, bodies, h)
+    scene = model.scene
+    dragged = scene.air_drag or any(c.drag or c.lift for c in scene.cloths)
+    first = drift(bodies, h, EULER) if collides(scene) else drift(bodies, h) if dragged else 0.0
+    own = max(((THIRD if name == "sdirk3" else SECOND) * b.g * h * h for b in bodies), default=0.0)
+    turned = 0.0 if scene.softs else TURNED * (omega * h)**2 * drift(bodies, h, 1.0)
+    return own + first + turned
