@@ -23,7 +23,7 @@ LITTER = shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info", ".
 EXTRAS = ("tests/show/test_view.py tests/tools/test_reference.py tests/physics/cloth/test_constraints.py "
           "tests/geometry/test_sheet_ordering.py tests/physics/solver/test_newton.py tests/bench/test_bench.py "
           "tests/tools/test_suite.py tests/show/test_animation.py tests/geometry/test_rotation.py "
-          "tests/physics/cloth/test_kind.py tests/physics/rigid")       # need an extra in parts
+          "tests/physics/cloth/test_kind.py tests/physics/rigid tests/physics/fluid/test_cavity.py")   # need an extra in parts
 CHECKS = (".venv/bin/pip install -q -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q {EXTRAS}", ".venv/bin/ruff check .",
           ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
 LARGE = 4e9                                     # [bytes] of kernels of the tests; one commit's are 0.5e9

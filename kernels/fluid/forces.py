@@ -3,6 +3,7 @@
     buoyancy      a = g (weight s - lift T): smoke s sinks, heat T rises (Boussinesq)
     confinement   a = e dx (N x w),  w = curl u,  N = grad |w| / |grad |w||: turns what the grid has smoothed away
                   (Fedkiw, Stam, Jensen 2001)
+    field         a at the cells' centres, any other
 """
 
 from functools import cache
@@ -69,7 +70,7 @@ def lift(dim: int, axis: int, of: str, real):
 @cache
 def push(dim: int, axis: int, of: str, swirling: bool, real, module):
     """Kernel over the faces of an axis: u plus `part` of the step clock[0] of all accelerations: `lift`, and swirl, that of
-    confinement at the cells' centres [m/s^2]."""
+    confinement and of a field at the cells' centres [m/s^2]."""
     t, S, F, f = types(real), structs(real), lifting(real), functions(dim, real)
     force, cells = lift(dim, axis, of, real), beyond(dim, axis, real)
 
@@ -118,11 +119,12 @@ def curl(dim: int, real, module):
 
 
 @cache
-def confine(dim: int, real, module):
-    """Kernel over cells: the acceleration of confinement [m/s^2]."""
+def confine(dim: int, fielded: bool, real, module):
+    """Kernel over cells: the acceleration of confinement, and of a field if there is one [m/s^2]."""
     t, S, f = types(real), structs(real), functions(dim, real)
 
-    def confine(g: S.Grid, live: wp.array(dtype=real), w: wp.array(dtype=t.vec3), a_out: wp.array(dtype=t.vec3)):
+    def confine(g: S.Grid, live: wp.array(dtype=real), w: wp.array(dtype=t.vec3), field: wp.array(dtype=t.vec3),
+                a_out: wp.array(dtype=t.vec3)):
         c = wp.tid()
         i = f.place(c, g.n)
         N = t.vec3()
@@ -133,6 +135,9 @@ def confine(dim: int, real, module):
             behind[a] = i[a] - 1
             N[a] = (wp.length(w[f.row(ahead[0], ahead[1], ahead[2], g.n, g.periodic)])
                     - wp.length(w[f.row(behind[0], behind[1], behind[2], g.n, g.periodic)]))
-        a_out[c] = live[VORTICITY] * g.dx * wp.cross(wp.normalize(N), w[c])
+        push = live[VORTICITY] * g.dx * wp.cross(wp.normalize(N), w[c])
+        if wp.static(fielded):
+            push += field[c]
+        a_out[c] = push
 
-    return wp.kernel(confine, name=f"confine_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(confine, name=f"confine{'_field' * fielded}_{f.name}", module=module, enable_backward=False)

@@ -1,7 +1,7 @@
 """Explicit integration of points under springs and element forces, gathered: one launch a substep, no atomics.
 
     v' = v + kick (f/m + g - k v~),    d' = d + drift v'            kicks and drifts (`leap`; see wsim/scene/integrator.py)
-    d_s = d + c h v_(s-1),  v_s = v + c h a_(s-1);  d' = d + h sum b v_s,  v' = v + h sum b a_s      (`stage`)
+    Runge-Kutta's stages: kernels/motion/runge_kutta.py
 
     x   position at the start of the frame [m], which stays; d displacement since then [m]: the position is x + d
     v~  velocity that damping sees: v itself, or leapfrog's prediction v + h a_before / 2 (see `Step.ahead`)
@@ -51,7 +51,7 @@ def phases(real):
         d: wp.array(dtype=vec3)      # two copies of d, two of v~, (4 n,)
         v: wp.array(dtype=vec3)      # (n,)
         carry: wp.array(dtype=vec3)  # remainders of v and of d, (2 n,)
-        own: wp.array(dtype=vec3)    # of `stage`: displacement where the substep began, h sum b v, h sum b a so far, (3 n,)
+        own: wp.array(dtype=vec3)    # of stages: displacement where the substep began, h sum b v, h sum b a so far, (3 n,)
 
     return Phase
 
@@ -60,7 +60,7 @@ def phases(real):
 def leaper(real, flags: tuple, field=None):
     """Function: kick and drift of the point of a thread."""
     t, lanes = types(real), dict(flags).get("lanes", 1)
-    vec3, Net, Phase, Step = t.vec3, net(real), phases(real), steps(real)
+    vec3, Net, Phase, Step, damped = t.vec3, net(real), phases(real), steps(real), dict(flags)["damped"]
     force = acceleration(real, **dict(flags), field=field)
 
     @wp.func
@@ -90,9 +90,13 @@ def leaper(real, flags: tuple, field=None):
             d_out[(2 + into) * n + i] = v1 + step.ahead * a
         else:
             d1 = d0
-            if step.drift > real(0.0) and net.pin[i] >= 0:
+            held = step.drift > real(0.0) and net.pin[i] >= 0
+            if held:
                 d1 = net.target[step.row, net.pin[i]] - at.x[i]
             v1 = (d1 - d0) / step.h
+            if wp.static(damped):
+                if held and net.rate.shape[0] > 0:
+                    v1 = net.rate[step.row, net.pin[i]]
             d_out[into * n + i] = d1
             d_out[(2 + into) * n + i] = v1
             if step.drift == real(0.0):
@@ -115,90 +119,6 @@ def leap(real, module, flags: tuple, field=None):
         one(wp.tid(), net, f, at, step, d_out, v_out, carry_out)
 
     return leap
-
-
-@cache
-def parts(real):
-    """Struct of one stage of a Runge-Kutta step."""
-
-    @wp.struct
-    class Part:
-        c: real              # [s] c h of the next stage
-        b: real              # [s] b h of this one
-        reach: real          # c of the next stage, for pins
-        h: real
-        source: int
-        row: int
-        last: int
-
-    return Part
-
-
-@cache
-def _pinned(real):
-    """Function: displacement of pinned point i at the next stage, and its velocity."""
-    vec3, Net, Part = types(real).vec3, net(real), parts(real)
-
-    @wp.func
-    def pinned(i: int, net: Net, x: wp.array(dtype=vec3), base: vec3, part: Part):
-        goal = base
-        if net.pin[i] >= 0:
-            goal = net.target[part.row, net.pin[i]] - x[i]
-        V = (goal - base) / part.h
-        d1 = base + part.reach * (goal - base)
-        if part.last != 0:
-            d1 = goal
-        return d1, V
-
-    return pinned
-
-
-@cache
-def stage(real, module, flags: tuple, field=None):
-    """Kernel over the lanes of the points: one stage of a Runge-Kutta step."""
-    t, Net, Phase, Part, lanes = types(real), net(real), phases(real), parts(real), dict(flags).get("lanes", 1)
-    vec3, force, pinned = t.vec3, acceleration(real, **dict(flags), field=field), _pinned(real)
-
-    @wp.kernel(module=module, enable_backward=differentiable(module))
-    def stage(net: Net, f: wp.array(dtype=vec3), at: Phase, part: Part,
-              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3),
-              own_out: wp.array(dtype=vec3)):
-        i = wp.tid() // lanes
-        lane = wp.tid() % lanes
-        n = at.x.shape[0]
-        into = 1 - part.source
-        free = net.w[i] > real(0.0)
-        base = at.own[i]
-        V = at.d[(2 + part.source) * n + i]
-        v1 = at.v[i]
-        a = vec3()
-        if free:
-            a = force(net, f, at.x, at.d, i, lane, part.source)
-        d1 = base + part.c * V
-        Q = v1 + part.c * a
-        moved = at.own[n + i] + part.b * V
-        gained = at.own[2 * n + i] + part.b * a
-        if not free:
-            d1, Q = pinned(i, net, at.x, base, part)
-        if lane == 0:
-            if part.last != 0:
-                if free:
-                    y = gained + at.carry[i]
-                    Q = v1 + y
-                    carry_out[i] = y - (Q - v1)
-                    z = moved + at.carry[n + i]
-                    d1 = base + z
-                    carry_out[n + i] = z - (d1 - base)
-                own_out[i] = d1
-                moved = vec3()
-                gained = vec3()
-                v_out[i] = Q
-            own_out[n + i] = moved
-            own_out[2 * n + i] = gained
-            d_out[into * n + i] = d1
-            d_out[(2 + into) * n + i] = Q
-
-    return stage
 
 
 @cache

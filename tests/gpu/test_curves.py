@@ -8,12 +8,16 @@ import pytest
 import warp as wp
 
 from tests.physics.contact.test_poses import tried
+from tests.physics.fused.test_fused import staged
+from tests.physics.motion.test_carried import FRAMES, carried
 from tests.scene.curve.test_motion import KINDS, OUTSIDE, keys, made
 from tests.scene.curve.test_usd_splines import both
+from wsim.model.launches import Launches
 from wsim.physics.contact import poses
 from wsim.scene import Collider, Sphere
 from wsim.scene.curve import Curve, Motion, Part, Stack
 from wsim.scene.curve.stack import SHIFT, TURN
+from wsim.simulation.simulation import Simulation
 
 wp.init()
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
@@ -55,3 +59,24 @@ def test_ten_thousand_colliders_on_curves_take_a_millisecond_of_the_host():
         taken.append(perf_counter() - start)
     print(f"host {1e3 * np.median(taken):.3f} ms a frame")
     assert np.median(taken) < 1e-3
+
+
+@pytest.mark.parametrize("integrator", ["leapfrog", "rk4"])
+def test_explicit_steps_see_positions_and_velocities_of_pins_on_splines(integrator):
+    ends = []
+    for device in ("cpu", "cuda:0"):
+        sim = Simulation(carried(8, integrator, "explicit", 0.02), device=device, precision="float64")
+        sim.run(FRAMES)
+        ends.append(np.concatenate([sim.positions("/net"), sim.velocities("/net")]))
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-12)
+
+
+def test_stages_in_one_launch_leave_the_bits(monkeypatch):
+    ends = []
+    for fused in (False, True):
+        monkeypatch.setattr(Launches, "fuses", fused)
+        sim = Simulation(staged(), device="cuda:0")
+        sim.run(3)
+        ends.append(np.concatenate([sim.positions("/cloth"), sim.velocities("/cloth")]))
+    assert sim.model.fuser.launched > 0, sim.model.fuser.why
+    assert np.array_equal(ends[0], ends[1])

@@ -100,9 +100,12 @@ def _new(commands) -> None:
     new = commands.add_parser("new", help="make a scene of a bare mesh").add_subparsers(dest="kind", required=True)
     _new_cloth(new)
     _new_softbody(new)
-    fluid = new.add_parser("fluid", help="a scene in which a closed mesh smokes, in a box of air around it")
-    fluid.add_argument("mesh", help="USD file")
-    fluid.add_argument("--cells", type=whole, default=64, metavar="N", help="along the longest edge of the box (default: 64)")
+    for name, told in (("fluid", "smokes, in a box of air around it"),
+                       ("liquid", "is full of water at the start, in a tank around it")):
+        fluid = new.add_parser(name, help=f"a scene in which a closed mesh {told}")
+        fluid.add_argument("mesh", help="USD file")
+        fluid.add_argument("--cells", type=whole, default=64, metavar="N",
+                           help="along the longest edge of the box (default: 64)")
     for kind in new.choices.values():
         kind.add_argument("-o", "--output", type=named, required=True, metavar="SCENE")
         kind.add_argument("--force", action="store_true", help="replace SCENE if it is there")

@@ -1,5 +1,7 @@
 """What a scene holds, in words."""
 
+import re
+
 from wsim.scene import Scene
 
 
@@ -13,7 +15,8 @@ def inventory(scene: Scene) -> str:
     kinds: dict[str, list] = {"cloth": scene.cloths, "spring net": scene.springs, "soft body": scene.softs,
                               "skin": [skin for soft in scene.softs for skin in soft.skins],
                               "collider": scene.colliders, "pin": scene.pins, "load": scene.loads,
-                              **{name.lower(): found for name, found in scene.others.items()}}
+                              **{re.sub("(?<=[a-z])(?=[A-Z])", " ", name).lower(): found
+                                 for name, found in scene.others.items()}}
     things = ", ".join(count(len(found), noun) for noun, found in kinds.items() if found)
     sizes = {"point": sum(len(body.points) for body in scene.bodies()), "tet": sum(len(soft.tets) for soft in scene.softs)}
     size = ", ".join(count(n, noun) for noun, n in sizes.items() if n)

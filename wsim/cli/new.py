@@ -10,7 +10,7 @@ def make(args) -> list:
     """Writes the scene; returns its notes. Raises SceneError where a file stands in the way, or the mesh does not serve."""
     if os.path.lexists(args.output) and not args.force:
         raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
-    return {"cloth": _cloth, "softbody": _softbody, "fluid": _fluid}[args.kind](args, {
+    return {"cloth": _cloth, "softbody": _softbody, "fluid": _fluid, "liquid": _fluid}[args.kind](args, {
         "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames, "pins": tuple(args.pin),
         "colliders": tuple(args.collider), "bound": args.material})
 
@@ -36,7 +36,8 @@ def _softbody(args, more: dict) -> list:
 
 
 def _fluid(args, more: dict) -> list:
-    from wsim.usd.new.fluid import author_fluid
+    from wsim.usd.new.fluid import author_fluid, author_liquid
 
     interrupt.begin("wait")
-    return author_fluid(args.mesh, args.output, args.prim, cells=args.cells, **more)
+    author = {"fluid": author_fluid, "liquid": author_liquid}[args.kind]
+    return author(args.mesh, args.output, args.prim, cells=args.cells, **more)

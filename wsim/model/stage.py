@@ -96,11 +96,22 @@ class Clock:
 
     def moments(self, ends: bool) -> np.ndarray:
         """Times [s] in a frame for which targets of pins are kept, a row each: where positions are solved for or, if ends, at
-        the ends of substeps. Of a step of several solves: all its nodes and, if ends, its end."""
+        the ends of substeps; then of a step of several solves all its nodes too, and of an explicit one those of stages."""
         m = self.integrator
+        if m.explicit and ends:
+            return ((np.arange(self.substeps)[:, None] + np.array(m.moments)) * self.h).ravel()
         if m.solves == 1:
             return (np.arange(self.substeps) + (1.0 if ends or m.explicit else m.nodes[0])) * self.h
         return ((np.arange(self.steps)[:, None] + np.array([*m.nodes] + [1.0] * ends)) * (m.solves * self.h)).ravel()
+
+    def paces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times [s] in a frame for which damping of explicit steps sees velocities of pins, a row an evaluation of forces, and
+        on which side of a time where they jump: -1 before it, 1 after it, 0 the mean of both."""
+        m = self.integrator
+        last = np.arange(m.forces) == m.forces - 1
+        side = np.where(last, 1, -(np.array(m.after) == 1.0).astype(int)) if m.stages else np.zeros(1, int)
+        times = (np.arange(self.substeps)[:, None] + np.array(m.after)) * self.h
+        return times.ravel(), np.tile(side, self.substeps)
 
     def acting(self) -> np.ndarray:
         """Times [s] in a frame at which forces are evaluated: where an implicit integrator solves, a row a substep; of explicit
@@ -233,6 +244,7 @@ class Methods(list[Method]):
     least, send, stride              of explicit steps: how many are stable; uploads constraints; rows of targets a substep
     copies, forces, impacts          of explicit steps: what they predict; ports before forces and the last half kick
     bodies, recorded bodies          the rigid ones; what recordings know of them; fluids, recorded fluids likewise
+    aims                             (path, name) of targets and speeds of drives that joints follow in each substep
     terms                            port of a Newton step: what acts there beside the forces of bodies
     """
 

@@ -67,6 +67,16 @@ class Integrator:
         """Evaluations of a(x, v) a step."""
         return len(self.stages) or 1
 
+    @property
+    def moments(self) -> tuple[float, ...]:
+        """Parts of an explicit step at which forces see prescribed points: those of its stages, and its end."""
+        return (*sorted({c for c, _ in self.stages if 0.0 < c < 1.0}), 1.0)
+
+    @property
+    def after(self) -> tuple[float, ...]:
+        """Part of an explicit step at which points are after each evaluation of the forces."""
+        return (*(c for c, _ in self.stages[1:]), 1.0)
+
 
 # `met`: of Newton's method (kernels/solver/line_search.py, `left`), and of XPBD's sweeps (strain, radians).
 # BDF2       Newton: 32 x 32 cloth, 1e3 N/m, 1 to 8 substeps: runs that left up to 1.5 were as right as solved ones, with 8 or

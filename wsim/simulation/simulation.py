@@ -244,9 +244,9 @@ class Simulation:
         body or a collider; thickness, restitution of a collider (where one throws back from the start); motion (rigid) of a pin
         or collider; positions, velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag,
         mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target,
-        speed of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities of a fluid; smoke,
-        temperature, expansion, strength, place of a source. Values are copied. Raises SceneError, with nothing changed, where
-        a scene would not take it, and over `counts.MOST` substeps."""
+        speed of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities, acceleration of a
+        fluid; smoke, temperature, expansion, strength, place of a source. Values are copied. Raises SceneError, with nothing
+        changed, where a scene would not take it, and over `counts.MOST` substeps."""
         from wsim.simulation import live
         with GATE.alone():
             live.set_value(self, path, name, value, world)

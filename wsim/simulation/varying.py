@@ -1,6 +1,7 @@
 """Live values that vary in time (`wsim.scene.Varying`), set before each frame by `Simulation.set`.
 
-A frame has the value at its middle, so that what a value does over a frame is met to second order in the length of a frame.
+A frame has the value at its middle, so that what a value does over a frame is met to second order in the length of a frame;
+targets and speeds of drives are met in each substep (`wsim.physics.rigid.joints.aims`).
 What a user sets by hand from then on stays as it was set.
 """
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 def follow(sim: Simulation) -> None:
     """Sets the values of the frame to come, those that differ from what was set last."""
     set_before = sim.plan.followed
-    for thing in sim.scene.varying:
+    for thing in by_frames(sim):
         value, key = thing.curve.at(sim.time + 0.5 / sim.scene.fps), (thing.path, thing.name)
         if key in set_before and np.array_equal(set_before[key], value):
             continue
@@ -27,10 +28,16 @@ def follow(sim: Simulation) -> None:
             _put(sim, *change)
 
 
+def by_frames(sim: Simulation) -> list:
+    """The values that a frame has one of."""
+    within = sim.plan.find("aims") or ()
+    return [thing for thing in sim.scene.varying if (thing.path, thing.name) not in within]
+
+
 def settle(sim: Simulation) -> None:
     """Takes the substeps that the stiffest of the values need, of an explicit integrator: then every frame of a run, and of one
     that goes on in its middle, has as many."""
-    for thing in sim.scene.varying if sim.plan.find("least") else ():
+    for thing in by_frames(sim) if sim.plan.find("least") else ():
         read = thing.curve.values
         if not thing.curve.plain:
             from wsim.scene.check.varying import frames

@@ -82,8 +82,9 @@ def vary(reading: Reading, path: str, kind: type, attributes: list[Usd.Attribute
 
 
 def _spline(reading: Reading, moving: list[Usd.Attribute], keys: np.ndarray, column: np.ndarray) -> Curve | None:
-    """The one spline that these values (keys,) are times a number; None if there is none."""
-    if len(moving) != 1 or not moving[0].HasSpline() or column.ndim != 1:
+    """The one spline that these values (keys,) are times a number, or each component (keys, n) times one and shifted; None if
+    there is none."""
+    if len(moving) != 1 or not moving[0].HasSpline() or column.ndim > 2:
         return None
     try:
         own = curve_of(moving[0].GetSpline(), reading.units)
@@ -91,8 +92,23 @@ def _spline(reading: Reading, moving: list[Usd.Attribute], keys: np.ndarray, col
         reading.warn(moving[0].GetPath(), f"{why}: it is evaluated at frames")
         return None
     found = own.sampled(reading.units.time(keys))
+    if column.ndim == 2:
+        return _shared(own, found, column)
     factor = float(found @ column / max(found @ found, 1e-300))
     return own.scaled(factor) if np.abs(factor * found - column).max() <= ROUNDED * np.abs(column).max() else None
+
+
+def _shared(own: Curve, found: np.ndarray, column: np.ndarray) -> Curve | None:
+    """The spline as one of values (n,): c + f own, by what it has and they have (keys, n) at some times."""
+    around = found - found.mean()
+    f = around @ column / max(around @ around, 1e-300)
+    c = column.mean(axis=0) - f * found.mean()
+    if np.abs(c + np.outer(found, f) - column).max() > ROUNDED * np.abs(column).max():
+        return None
+    how = {name: np.outer(v, f) + (c if name == "until" else 0.0) if name in ("leave", "arrive", "until") else v
+           for name, v in own.how.items()}
+    sides = [side if isinstance(side, str) else side * f for side in (own.before, own.after)]
+    return Curve(own.times, c + np.outer(own.values, f), own.kind, *sides, **how)
 
 
 def held(reading: Reading, where, reason: str) -> None:

@@ -170,6 +170,7 @@ OTHERS = (
     Entry("Fluid", "velocity", WSIM_DOMAIN, "wsim:fluid:startVelocity", "vector3f[]", "m/s"),
     Entry("Fluid", "smoke", WSIM_DOMAIN, "wsim:fluid:startSmoke", "float[]"),
     Entry("Fluid", "temperature", WSIM_DOMAIN, "wsim:fluid:startTemperature", "float[]"),
+    Entry("Fluid", "acceleration", WSIM_DOMAIN, "wsim:fluid:acceleration", "vector3f[]", "m/s^2"),
     Entry("Source", "hold", WSIM_SOURCE, "wsim:fluid:hold", "bool", uniform=True),
     Entry("Source", "velocity", WSIM_SOURCE, "wsim:fluid:velocity", "vector3d", "m/s"),
     Entry("Source", "strength", WSIM_SOURCE, "wsim:fluid:strength", "double"),

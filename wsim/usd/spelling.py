@@ -40,6 +40,7 @@ def _places() -> dict[str, set[str]]:
 
 
 READ = _places()
+OF_JOINTS = ("physics:", "drive:", "limit:")
 PHYSICS = {entry.attribute for entry in TABLE if entry.attribute.startswith("physics:")} | set(UNREAD)
 
 
@@ -59,7 +60,8 @@ def spelling(reading: Reading, prim: Usd.Prim) -> None:
             _wsim(reading, prim, name, is_)
         elif name.startswith("physics:") and is_ & DEFORMABLE and name not in PHYSICS:
             _physics(reading, prim, name)
-        if (name in READ or name in PHYSICS) and name not in CURVES and sampled(prim.GetAttribute(name)):
+        known = name in READ or name in PHYSICS or kind.endswith("Joint") and name.startswith(OF_JOINTS)
+        if known and name not in CURVES and sampled(prim.GetAttribute(name)):
             reading.sampled.append(prim.GetAttribute(name).GetPath())
 
 

@@ -70,6 +70,20 @@ def pushed(real, module):
 
 
 @cache
+def fed(real, module):
+    """Kernel over cells: component `axis` of field_out += factor h x."""
+    t = types(real)
+
+    def fed(x: wp.array(dtype=real), clock: wp.array(dtype=real), axis: int, factor: real, field_out: wp.array(dtype=t.vec3)):
+        c = wp.tid()
+        v = field_out[c]
+        v[axis] = v[axis] + factor * clock[0] * x[c]
+        field_out[c] = v
+
+    return wp.kernel(fed, name=f"field_fed_{t.name}", module=module, enable_backward=False)
+
+
+@cache
 def sum(real, module):
     """Kernel over blocks of threads: parts of the sum of a."""
 

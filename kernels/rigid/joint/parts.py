@@ -24,7 +24,7 @@ def jointed_parts(real, module) -> list:
         for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
             kicks(J.t.body[m], h, b, now, J)
         if J.t.first_joint[g + 1] > J.t.first_joint[g]:
-            begun(g, d, J)
+            begun(g, steps[0], d, J)
             for _sweep in range(steps[2]):
                 solve(g, steps[0], d, b, now, J)
 

@@ -57,9 +57,9 @@ def islands(real):
                 placed_one(g, k, rig.b, rig.now, J)
 
     @wp.func(inline=False)
-    def begun(i: int, threads: int, h: real, J: Linked):
+    def begun(i: int, threads: int, k: int, h: real, J: Linked):
         for g in range(i, J.t.first_joint.shape[0] - 1, threads):
-            begun_one(g, wp.float64(h), J)
+            begun_one(g, k, wp.float64(h), J)
 
     @wp.func(inline=False)
     def solve(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
@@ -91,8 +91,8 @@ def launched(real, module) -> dict:
     def linked_lined(k: int, rig: Rig, J: Linked):
         line(wp.tid(), J.t.first_joint.shape[0], k, rig, J)
 
-    def linked_reset(h: real, rig: Rig, J: Linked):
-        clear(wp.tid(), J.t.first_joint.shape[0], h, J)
+    def linked_reset(k: int, h: real, rig: Rig, J: Linked):
+        clear(wp.tid(), J.t.first_joint.shape[0], k, h, J)
 
     def linked_joined(k: int, h: real, rig: Rig, J: Linked):
         join(wp.tid(), J.t.first_joint.shape[0], k, h, rig, J)
@@ -121,7 +121,7 @@ def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bounci
             if k >= steps[0]:
                 thrown(i, threads, k, h, rig)
                 begun(i, threads, h, rig, J)
-                reset(i, threads, h, J)
+                reset(i, threads, k, h, J)
                 meet()
                 warm(i, threads, k, h, 1, rig)
             for turn in range(n + 3):                        # joints, n times contacts and joints; twice without bias

@@ -63,8 +63,8 @@ def effective(j: int, given: mat66d, J: Linked):
 
 
 @wp.func
-def drive(j: int, h: wp.float64, J: Linked):
-    """Gamma and bias of the driven rows of a joint, as it is."""
+def drive(j: int, s: int, h: wp.float64, J: Linked):
+    """Gamma and bias of the driven rows of a joint, as it is, for substep s."""
     six = int(6)
     asked = int(0)
     for r in range(six):
@@ -82,7 +82,12 @@ def drive(j: int, h: wp.float64, J: Linked):
                 c = mass * J.t.damping[j, r]
                 stiff = h * k + c
                 J.soft[j, r] = wp.float64(1.0) / (h * stiff)
-                J.bias[j, r] = (k * (J.now[j, r] - J.t.target[j, r]) - c * J.t.speed[j, r]) / stiff
+                target = J.t.target[j, r]
+                speed = J.t.speed[j, r]
+                if J.t.aiming == 1:
+                    target = J.t.aim[s, j, r]
+                    speed = J.t.pace[s, j, r]
+                J.bias[j, r] = (k * (J.now[j, r] - target) - c * speed) / stiff
 
 
 @wp.func

@@ -130,14 +130,14 @@ def functions(real):
                 J.touched[i] = JOINT
 
     @wp.func
-    def begun(g: int, h: wp.float64, J: Linked):
+    def begun(g: int, k: int, h: wp.float64, J: Linked):
         six = int(6)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             for r in range(six):
                 J.hold[j, r] = wp.float64(0.0)
                 J.push[j, r] = wp.float64(0.0)
                 J.active[j, r] = -1
-            drive(j, h, J)
+            drive(j, k, h, J)
 
     @wp.func
     def fast(j: int, h: wp.float64, now: Moving, J: Linked):
@@ -243,7 +243,7 @@ def jointed(real, module):
             for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
                 kicks(J.t.body[m], h, b, now, J)
             if linked:
-                begun(g, d, J)
+                begun(g, k, d, J)
                 for _sweep in range(steps[2]):
                     solve(g, k, d, b, now, J)
             for m in range(J.t.first_body[g], J.t.first_body[g + 1]):

@@ -55,6 +55,9 @@ def structs():
         anchor_q: wp.array2d(dtype=wp.quatd)
         anchor_v: wp.array2d(dtype=wp.vec3d)
         anchor_o: wp.array2d(dtype=wp.vec3d)
+        aiming: int                                  # 1: targets and speeds vary in time, [substep, joint, row]
+        aim: wp.array3d(dtype=wp.float64)            # at its end, in the place of target and speed
+        pace: wp.array3d(dtype=wp.float64)
 
     @wp.struct
     class Linked:

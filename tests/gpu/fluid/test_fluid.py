@@ -5,6 +5,7 @@ import pytest
 import warp as wp
 
 from tests.physics.fluid.flows import box, error, method, put, taylor_green
+from tests.physics.fluid.pressure.test_islands import stretched
 from wsim.physics.fluid.objects import Source
 from wsim.scene import Motion
 from wsim.scene.solids import Sphere
@@ -55,3 +56,9 @@ def test_steps_are_counted_on_the_device():
     put(sim, lambda axis, x, y, z: 4.0 * (axis == 0) + 0.0 * x)
     sim.step()
     assert sim.indicators()["fluid_steps"] == 8.0
+
+
+@pytest.mark.parametrize("right", ["closed", "open"])
+def test_air_on_both_sides_of_a_piston_stretches_evenly(right):
+    """Regions that a wall parts, found on the device."""
+    assert stretched((64, 32, 32), right, "cuda:0") < 2e-4

@@ -9,6 +9,10 @@ from wsim.simulation.simulation import Simulation
 TURN = 2.0 * np.pi
 PERIODIC = ("periodic",) * 6
 NAMES = ("u", "v", "w")
+# extrema on the centre lines of a cavity under a lid of unit speed: least u, most and least v (Botella, Peyret 1998, tables 9
+# and 10; at 400, which they have not, Marchi, Suero, Araki 2009, on 1024 x 1024 cells); all are checked by test_cavity.py
+CAVITY = {100: (-0.2140424, 0.1795728, -0.2538030), 400: (-0.3287295, 0.3038323, -0.4540580),
+          1000: (-0.3885698, 0.3769447, -0.5270771)}
 
 
 def box(n: tuple[int, ...], *, size: float = TURN, seconds: float = 2.0, frames: int = 1, **more) -> Scene:

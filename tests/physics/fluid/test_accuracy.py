@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.physics.fluid.flows import TURN, abc, box, error, method, put, run, taylor_green
+from tests.physics.fluid.flows import CAVITY, TURN, abc, box, error, method, put, run, taylor_green
 from wsim.simulation.simulation import Simulation
 
 
@@ -59,12 +59,6 @@ def test_viscosity_slows_vortices_at_the_rate_of_theory(nu):
     sim = run((64, 64), taylor_green(), viscosity=nu)
     before = 0.5 * 1.2 * (TURN / 64) ** 3 * 64 * 64 * 0.5
     assert -np.log(sim.indicators()["fluid_energy"] / before) / 2.0 == pytest.approx(4.0 * nu, rel=0.005)
-
-
-# extrema on the centre lines: least u, most and least v (Botella, Peyret 1998, tables 9 and 10; at 400, which they have not,
-# Marchi, Suero, Araki 2009, on 1024 x 1024 cells)
-CAVITY = {100: (-0.2140424, 0.1795728, -0.2538030), 400: (-0.3287295, 0.3038323, -0.4540580),
-          1000: (-0.3885698, 0.3769447, -0.5270771)}
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
+from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Box, Scene
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
@@ -13,43 +14,67 @@ TIMES, PLACES = np.arange(4.0), np.array([[0.0, 0, 0], [0.3, 0.2, 0], [-0.1, 0.4
 FRAMES, FPS, OMEGA, LENGTH = 26, 10.0, 7.0, 0.5
 
 
-def carried(substeps: int, integrator: str, solver: str) -> Scene:
+def carried(substeps: int, integrator: str, solver: str, damping: float = 0.0, kind: str = "catmull_rom") -> Scene:
     """A point on a spring whose other end is carried."""
     scene = Scene(fps=FPS, frames=FRAMES, substeps=substeps, integrator=integrator, solver=solver)
-    net = scene.net("/net", [[0.0, 0, 0], [0.0, -0.6, 0]], [[0, 1]], [OMEGA**2], [1.0, 1.0], lengths=[LENGTH])
-    scene.pin("/pin", net, [0], motion=Motion.through(TIMES, PLACES))
+    net = scene.net("/net", [[0.0, 0, 0], [0.0, -0.6, 0]], [[0, 1]], [OMEGA**2], [1.0, 1.0], lengths=[LENGTH], damping=damping)
+    scene.pin("/pin", net, [0], motion=Motion.through(TIMES, PLACES, kind=kind))
     return scene
 
 
-def exact() -> tuple[np.ndarray, np.ndarray]:
+def exact(damping: float, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Place and velocity of the free point at the end, from key to key by SciPy."""
     integrate = pytest.importorskip("scipy.integrate")
-    path, g = Curve(TIMES, PLACES, "catmull_rom"), np.array([0.0, -9.81, 0.0])
+    path, g = Curve(TIMES, PLACES, kind), np.array([0.0, -9.81, 0.0])
     state, end = np.array([0.0, -0.6, 0, 0, 0, 0]), FRAMES / FPS
-
-    def rate(t: float, y: np.ndarray) -> np.ndarray:
-        d = y[:3] - path.at(t)
-        return np.concatenate([y[3:], g - OMEGA**2 * (1.0 - LENGTH / np.linalg.norm(d)) * d])
     for a, b in zip(TIMES[:-1], np.minimum(TIMES[1:], end), strict=True):
+        def rate(t: float, y: np.ndarray, a=a, b=b) -> np.ndarray:
+            d, inside = y[:3] - path.at(t), min(max(t, a + 1e-12), b - 1e-12)       # velocities may jump at keys
+            n = d / np.linalg.norm(d)
+            pull = (d - LENGTH * n) + damping * np.dot(n, y[3:] - path.rate(inside)[0]) * n
+            return np.concatenate([y[3:], g - OMEGA**2 * pull])
         state = integrate.solve_ivp(rate, (a, b), state, rtol=1e-12, atol=1e-13, method="DOP853").y[:, -1]
     return state[:3], state[3:]
 
 
-@pytest.mark.parametrize(("integrator", "solver", "order", "least"), first_and_slow([
-    ("leapfrog", "explicit", 2, 8), ("rk4", "explicit", 2, 8), ("backward_euler", "xpbd", 1, 64), ("bdf2", "implicit", 2, 16),
-    ("implicit_midpoint", "implicit", 2, 8), ("sdirk3", "implicit", 3, 8)]))
-def test_what_hangs_on_a_spline_converges_with_the_order_of_the_integrator(integrator, solver, order, least):
-    x, v = exact()
+@pytest.mark.parametrize(("integrator", "solver", "order", "least", "damping", "kind"), first_and_slow([
+    ("rk4", "explicit", 4, 8, 0.02, "catmull_rom"), ("rk4", "explicit", 4, 8, 0.0, "catmull_rom"),
+    ("rk4", "explicit", 4, 8, 0.02, "linear"), ("midpoint", "explicit", 2, 8, 0.02, "catmull_rom"),
+    ("leapfrog", "explicit", 2, 8, 0.0, "catmull_rom"), ("leapfrog", "explicit", 2, 8, 0.02, "catmull_rom"),
+    ("leapfrog", "explicit", 2, 8, 0.02, "linear"), ("backward_euler", "xpbd", 1, 64, 0.0, "catmull_rom"),
+    ("bdf2", "implicit", 2, 16, 0.02, "catmull_rom"), ("implicit_midpoint", "implicit", 2, 8, 0.02, "catmull_rom"),
+    ("sdirk3", "implicit", 3, 8, 0.0, "catmull_rom")]))
+def test_what_hangs_on_a_spline_converges_with_the_order_of_the_integrator(integrator, solver, order, least, damping, kind):
+    x, v = exact(damping, kind)
     errors = []
     for substeps in (least, 2 * least, 4 * least):
-        sim = Simulation(carried(substeps, integrator, solver), **DOUBLE)
+        sim = Simulation(carried(substeps, integrator, solver, damping, kind), **DOUBLE)
         sim.run(FRAMES)
         errors.append((np.abs(sim.positions("/net")[1] - x).max(), np.abs(sim.velocities("/net")[1] - v).max()))
     seen = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
     assert seen[-1].min() > order - 0.25, (errors, seen)
-    at_end = Motion.through(TIMES, PLACES).velocities(FRAMES / FPS)[0][0]
-    np.testing.assert_allclose(sim.velocities("/net")[0], at_end, atol=1e-12)       # of the pinned point: the curve's
-    np.testing.assert_allclose(sim.positions("/net")[0], Motion.through(TIMES, PLACES).at(FRAMES / FPS)[:3, 3], atol=1e-12)
+    path, at = Motion.through(TIMES, PLACES, kind=kind), FRAMES / FPS
+    np.testing.assert_allclose(sim.velocities("/net")[0], path.velocities(at)[0][0], atol=1e-12)       # of the pinned point
+    np.testing.assert_allclose(sim.positions("/net")[0], path.at(at)[:3, 3], atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", ["leapfrog", "rk4"])
+def test_one_pass_on_a_cpu_and_launches_see_the_same_velocities_of_pins(integrator, monkeypatch):
+    """Springs march in one pass (leapfrog), or are gathered by points as on a GPU."""
+    ends, place = [], ForceGather.place
+
+    def gathered(self, ids):
+        self.added = False
+        place(self, ids)
+    for gathers in (False, True):
+        if gathers:
+            monkeypatch.setattr(ForceGather, "place", gathered)
+        sim = Simulation(carried(8, integrator, "explicit", 0.02), **DOUBLE)
+        assert sim.plan.method("explicit").marches is (integrator == "leapfrog" and not gathers)
+        sim.run(FRAMES)
+        ends.append(np.concatenate([sim.positions("/net"), sim.velocities("/net")]))
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-12)
 
 
 def table(substeps: int, integrator: str, solver: str, way: np.ndarray) -> Simulation:

@@ -2,6 +2,7 @@
 
     /World/Air:lift, :weight, :vorticity, :smoke_decay, :cooling, :viscosity     () as of `Fluid`
     /World/Air:side_velocities                    (6, 3) [m/s]; of those the closed sides' have a derivative
+    /World/Air:acceleration                       (3,) or (nx, ny, nz, 3) [m/s^2], as the fluid has it
     /World/Air:velocity, :smoke, :temperature     (nx, ny, nz, 3) [m/s], (nx, ny, nz) [1], [K] at the cells' centres, where the
                                                   recording begins; faces take the means of a change on both sides
     /World/Fire:smoke, :temperature, :expansion   () as of `Source`

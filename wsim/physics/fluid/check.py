@@ -19,7 +19,7 @@ def check(thing: Fluid | Source, scene: Scene) -> Iterator[Problem]:
 
 def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
     path, wrong = fluid.path, False
-    for name in ("low", "high", "side_velocities", "velocity", "smoke", "temperature"):
+    for name in ("low", "high", "side_velocities", "velocity", "smoke", "temperature", "acceleration"):
         value = getattr(fluid, name)
         if value is not None and not np.isfinite(value).all():
             yield error(path, f"{name} holds NaN or infinity", "finite numbers", f"author another {name}")
@@ -46,12 +46,16 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
     if 0 < fluid.tolerance < 1e-7:
         yield warning(path, f"tolerance is {fluid.tolerance:g}, which float32 does not reach", "1e-6 or more",
                       "give a larger one, or float64")
+    if fluid.acceleration is not None and np.shape(fluid.acceleration) not in ((3,), (*fluid.shape, 3)):
+        yield error(path, f"acceleration has shape {np.shape(fluid.acceleration)}", f"(3,) or {(*fluid.shape, 3)}, one a cell",
+                    "give it at `centers()`, or one for all air")
     for name, shape in (("velocity", (*fluid.shape, 3)), ("smoke", fluid.shape), ("temperature", fluid.shape)):
         value = getattr(fluid, name)
         if value is not None and np.shape(value) != shape:
             yield error(path, f"{name} at the start has shape {np.shape(value)}", f"{shape}, a value a cell",
                         f"give {name} at `centers()`, or leave it out")
-    if not scene.things("Source") and fluid.velocity is None and fluid.smoke is None and fluid.temperature is None:
+    if not scene.things("Source") and not any(x is not None for x in (fluid.velocity, fluid.smoke, fluid.temperature,
+                                                                       fluid.acceleration)):
         moved = np.any(np.asarray(scene.wind)) or np.any(fluid.side_velocities) or any(c.motion.moves for c in scene.colliders)
         if not moved:
             yield warning(path, "nothing moves its air: no source, no wind, nothing at the start", "one of them",
@@ -63,6 +67,8 @@ def _part(fluid: Fluid) -> Iterator[Problem]:
     if "open" not in [fluid.sides[2 * a + s] for a in fluid.axes for s in (0, 1)]:
         yield error(path, "a part of its air is solved, and no side is open: what is sealed moves all at once", "margin 0",
                     "open a side, or leave margin out")
+    if fluid.acceleration is not None:
+        yield error(path, "a part of its air is solved, and all of it is accelerated", "margin 0", "leave margin out")
     if fluid.velocity is not None and np.any(fluid.velocity):
         yield warning(path, "its air has a velocity at the start, and stays so but for a margin around smoke, heat and sources",
                       "margin 0 where air moves elsewhere", "leave margin out")

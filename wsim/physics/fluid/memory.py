@@ -14,7 +14,8 @@ def numbers(fluid: Fluid, obstacles: bool) -> float:
     pressure."""
     dim = len(fluid.axes)
     levels = 2.0 / (2 ** dim - 1)
-    found = dim * (2 + 2) + 2 * 2 + 6 + levels + (6 if fluid.vorticity > 0.0 else 0)
+    vectors = 2 * (fluid.vorticity > 0.0) + (fluid.acceleration is not None)
+    found = dim * (2 + 2) + 2 * 2 + 6 + levels + 3 * vectors
     if fluid.margin > 0.0:
         return dim * 2 + 2 * 2                   # fields and their snapshot: what is solved is a part that nobody knows yet
     return found + (1 + dim * (2 + levels) if obstacles else 0)

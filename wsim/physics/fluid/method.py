@@ -244,15 +244,24 @@ class Fluids(Method):
         mine = False
         for k in hit:
             domain = self.domains[k]
-            if path == "/" and name in ("wind", "gravity") or path == domain.fluid.path and name in (*LIVE, "side_velocities"):
-                if name == "side_velocities" and (np.shape(value) != (6, 3) or not np.isfinite(value).all()):
-                    raise SceneError(Problem(path, f"{name} has shape {np.shape(value)}; allowed are finite numbers (6, 3)"))
+            own = path == domain.fluid.path and name in (*LIVE, *self.shapes(domain.fluid))
+            if path == "/" and name in ("wind", "gravity") or own:
+                shapes = self.shapes(domain.fluid).get(name, (np.shape(value),))
+                if np.shape(value) not in shapes or not np.isfinite(value).all():
+                    raise SceneError(Problem(path, f"{name} has shape {np.shape(value)}; allowed are finite numbers "
+                                             f"{' or '.join(map(str, shapes))}"))
                 if path != "/":
-                    self.numbers[k][name] = float(value) if name in LIVE else np.asarray(value, np.float64).reshape(6, 3)
+                    self.numbers[k][name] = float(value) if name in LIVE else np.array(value, np.float64)
                 domain.blow(self.wind[domain.world], self.gravity[domain.world], self.numbers[k])
                 mine = True
             mine |= self._source(domain, k, path, name, value)
         return mine
+
+    @staticmethod
+    def shapes(fluid: Fluid) -> dict[str, tuple[tuple[int, ...], ...]]:
+        """Shapes of arrays that are set while it runs."""
+        moved = {} if fluid.acceleration is None else {"acceleration": ((3,), (*fluid.shape, 3))}
+        return {"side_velocities": ((6, 3),), **moved}
 
     def _source(self, domain: Domain, k: int, path: str, name: str, value) -> bool:
         """Whether a value of a source of fluid k was set."""
@@ -278,7 +287,7 @@ class Fluids(Method):
 def signature(b) -> list:
     """Part of the fluids that decides their kernels."""
     fluids: list[Any] = [(len(f.axes), f.advection, f.scalar_advection, f.pressure, sum(f.shape) <= MOST, f.slip, f.layers,
-                          f.margin > 0.0, f.conserve, f.viscosity > 0.0, f.vorticity > 0.0,
+                          f.margin > 0.0, f.conserve, f.viscosity > 0.0, f.vorticity > 0.0, f.acceleration is not None,
                           carried(f, reaching(f, b.scene)), [s.expansion != 0.0 for s in reaching(f, b.scene)],
                           [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))
                          for f in b.scene.things("Fluid")]

@@ -81,6 +81,8 @@ class Fluid(Cubes):
     lift             buoyancy of heat, acceleration against gravity by K over the air around, in units of g [1/K]
     weight           acceleration of smoke of 1 along gravity, in units of g [1]
     vorticity        confinement [1]: acceleration by this times cell size times curl
+    acceleration     by any other force, world [m/s^2]: (3,) of all air or (nx, ny, nz, 3) at the cells' centres; None: 0. Set
+                     while it runs, where there is one at the start. Not with margin
     smoke_decay      decay rate of the smoke [1/s]
     cooling          decay rate of the temperature [1/s]
     advection        of the velocity: "reflection", "cubic", "maccormack", "bfecc" or "linear"
@@ -128,6 +130,7 @@ class Fluid(Cubes):
     velocity: np.ndarray | None = None
     smoke: np.ndarray | None = None
     temperature: np.ndarray | None = None
+    acceleration: np.ndarray | None = None
 
     def __post_init__(self):
         self.low, self.high = (np.array(v, np.float64).reshape(3) for v in (self.low, self.high))

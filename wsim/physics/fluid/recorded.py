@@ -132,6 +132,8 @@ def idle(domain: Any, carried: tuple[str, ...], name: str) -> str:
         if name == called and scalar not in carried:
             return f"there is no {'smoke' if scalar == 'smoke' else 'heat'} in it"
     none = (name == "viscosity" and domain.viscosity is None) or (name == "vorticity" and not domain.swirling)
+    if name == "acceleration" and domain.field is None:
+        return "there is none at the start"
     return "it is 0 at the start" if none else ""
 
 
@@ -156,6 +158,8 @@ class Losses:
             self.given[frame] = [pair for key, fields in each.items() for pair in self.dense(key, fields)]
         for a in recorded.adjoints:
             a.launches.numbers.zero_()
+            if a.forces.field is not None:
+                a.forces.field.zero_()
             a.projection.worst.zero_()
         self.frames: list[list[tuple]] = []
 

@@ -25,7 +25,7 @@ BOX = "wsim:box"               # custom data of a domain: corners, in stage unit
 TURNED = 1e-6                  # of the largest number of a transform's linear part that may be where 0 should be
 SETTINGS = ("sides", "side_velocities", "slip", "layers", "advection", "scalar_advection", "pressure", "steps", "margin",
             "conserve", "most_steps")
-START = ("velocity", "smoke", "temperature")
+START = ("velocity", "smoke", "temperature", "acceleration")   # of each cell
 
 
 def load(reading: Reading, prim: Usd.Prim) -> Fluid | Source | None:
@@ -60,6 +60,9 @@ def _domain(reading: Reading, prim: Usd.Prim) -> Fluid | None:
     fluid = Fluid(path, *found_box, found.pop("cell", None) or float((found_box[1] - found_box[0]).max()) / CELLS, **found)
     for name in START:
         value = read(prim, "Fluid", name, units)
+        if name == "acceleration" and value is not None and len(value) == 1:
+            fluid.acceleration = value[0]
+            continue
         if value is not None and len(value) != fluid.cells:
             reading.fail(path, f"{names.row('Fluid', name).attribute} has {len(value)} entries, and the domain "
                          f"{'x'.join(map(str, fluid.shape))} cells; author one each, x slowest, or none")
@@ -165,7 +168,8 @@ def _author_domain(stage: Usd.Stage, fluid: Fluid, units: Units) -> None:
             continue
         if name in START:
             entry = names.row("Fluid", name)
-            attribute_of(prim, entry).Set(array(value, entry.type, units.factor(entry.unit)))
+            rows = np.reshape(value, (-1, 3)) if name == "acceleration" else value
+            attribute_of(prim, entry).Set(array(rows, entry.type, units.factor(entry.unit)))
         else:
             write(prim, "Fluid", name, value, units)
 

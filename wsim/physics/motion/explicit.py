@@ -16,7 +16,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import explicit as kernels
-from wsim.kernels.motion import march_cpu
+from wsim.kernels.motion import march_cpu, runge_kutta
 from wsim.kernels.motion.threads import teams
 from wsim.model.model import Model
 from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Remedy, Stage
@@ -50,8 +50,7 @@ class Explicit(Method):
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
         self.rows, self.pins, self.steps, self.apart = rows, pins, steps, free
-        self.target = None            # of the pins, as the net has it
-        self.field = None             # function (position, velocity) -> acceleration, for problems of one's own
+        self.target = self.field = None       # of pins, as the net has it; (position, velocity) -> acceleration, of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
         self.impacts = Port()         # called with `change` before leapfrog's last half kick: restitution takes impacts out
         self.muscles: Any = None      # change rest lengths over time
@@ -95,7 +94,7 @@ class Explicit(Method):
             self.move(self.pair[:n], self.pair[2 * n:3 * n], self.carry[:n], self.carry[n:])
         else:
             pull.need_springs()
-            make = kernels.stage if self.integrator.stages else kernels.leap
+            make = runge_kutta.stage if self.integrator.stages else kernels.leap
             self.kernel = make(real, module, pull.flags(), self.field)
             self.kernel.own = pull.lanes * (not pull.springs)     # threads of a point, that read no other's place
             if not self.integrator.stages:
@@ -144,7 +143,7 @@ class Explicit(Method):
     @property
     def stride(self) -> int:
         """Rows of the pins' targets a substep."""
-        return int(self.pins is not None and self.pins.moves)
+        return len(self.integrator.moments) if self.pins is not None and self.pins.moves else 0
 
     def step(self, clock: Clock, kick: float, drift: float, source: int):
         h, stride = clock.h, self.stride
@@ -184,14 +183,14 @@ class Explicit(Method):
         return self.kick(clock, 0.5 if half else 1.0, 1.0, source)
 
     def stage_by_stage(self, clock: Clock, source: int) -> int:
-        s, n, coefficients = self.state, self.model.points, self.integrator.stages
-        for number, (c, b) in enumerate(coefficients):
+        s, n, m = self.state, self.model.points, self.integrator
+        for number, (c, b) in enumerate(m.stages):
             self.act(clock, c)
             self.pull.launch(source, s.x, self.pair)
-            last = number == len(coefficients) - 1
-            reach = 1.0 if last else coefficients[number + 1][0]
-            part = filled(kernels.parts(self.model.real), c=reach * clock.h, b=b * clock.h, reach=reach, h=clock.h,
-                          source=source, row=clock.k * self.stride, last=int(last))
+            reach, first, rows = m.after[number], clock.k * self.stride, self.stride and m.moments.index(m.after[number])
+            part = filled(runge_kutta.parts(self.model.real), c=reach * clock.h, b=b * clock.h, h=clock.h, source=source,
+                          row=first + rows, end=first + max(self.stride - 1, 0), pace=clock.k * m.forces + number,
+                          last=int(number == m.forces - 1))
             self.model.launch(self.kernel, n * self.pull.lanes, [self.net, self.pull.force, self.phase(), part],
                               [self.pair, s.v, self.carry, self.own])
             source = 1 - source
@@ -268,8 +267,9 @@ class Explicit(Method):
         return [Remedy("doubt")] if status.said(THROWN)[0] else []
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        if self.pins is not None and self.target is not self.pins.target["hard"]:
+        if self.pins is not None:
             self.target = self.net.target = self.pins.target["hard"]
+            self.net.rate = self.pins.rate
         for each in filter(None, (self.at_once, self.free)):
             each.send(clock)
 

@@ -130,7 +130,7 @@ class Form:
             if "thrown" in self.kernels:
                 self.launch(self.kernels["thrown"], [self.threads, k, h, rig], [])
             self.walk("begun", h, rig, *joints)
-            self.link("reset", h, rig, *joints)
+            self.link("reset", k, h, rig, *joints)
             self.sweep("warm", k, h, 1, rig)
             self.link("joined", k, h, rig, *joints)
             for _sweep in range(steps[2]):

@@ -62,6 +62,7 @@ class Rigid(Method):
         if acting(scene):
             from wsim.physics.rigid.joints.tables import Joints
             self.joints = Joints(b, self)
+            self.offers |= {"aims": self.joints.aims.names} if self.joints.aims else {}
             if self.sleep:
                 self.sleep.join(self.joints)
         self._stages(b)

@@ -147,7 +147,8 @@ COVERED: list[Covered] = [
     Covered(BY, "Body.dynamic_friction Body.restitution", rigid=f"{TOUCHED}::test_a_box_slides_by_its_friction"),
     Covered(BY, "Joint.stiffness Joint.damping Joint.target", rigid=f"{JOINED}::test_drives_have_the_slope_of_differences"),
 
-    Covered(BY, "Fluid.lift Fluid.weight Fluid.vorticity Fluid.viscosity Fluid.smoke_decay Fluid.cooling Fluid.side_velocities",
+    Covered(BY, "Fluid.lift Fluid.weight Fluid.vorticity Fluid.viscosity Fluid.smoke_decay Fluid.cooling Fluid.side_velocities "
+            "Fluid.acceleration",
             fluid=EVERY),
     Covered(BY, "Collider.surface", fluid=f"{AIRY}::test_by_the_turning_of_an_obstacle"),
     Covered(BY, "Fluid.velocity Fluid.smoke Fluid.temperature", fluid=EVERY),

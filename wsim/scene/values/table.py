@@ -115,6 +115,7 @@ VALUES: list[Value] = [
     *(Value("Fluid", name, unit, ANY, "array", live=False, gradient="fluid") for name, unit in (
         ("velocity", "m/s"), ("smoke", "1"), ("temperature", "K"))),
     Value("Fluid", "side_velocities", "m/s", ANY, "array", gradient="fluid"),
+    Value("Fluid", "acceleration", "m/s^2", ANY, "array", needs=("start",), gradient="fluid"),
     *(Value("Fluid", name, unit, POSITIVE, live=False, why=AIRY, usd=Usd(DOMAIN, f"wsim:fluid:{called}"))
       for name, called, unit in (("cell", "cellSize", "m"), ("density", "density", "kg/m^3"), ("tolerance", "tolerance", "1"),
                                  ("cfl", "cfl", "1"))),

@@ -18,6 +18,9 @@ class ForcesAdjoint:
         self.domain, dim, real, module = domain, domain.layout.dim, launches.real, launches.module
         self.share_kernel, self.scaled = kernels.share(dim, real, module), kernels.scaled(real, module)
         self.share = domain.threads.zeros(domain.layout.cells)
+        self.field = None                                      # what accelerations at the cells' centres get
+        if domain.field is not None:
+            self.fed, self.field = kernels.fed(real, module), domain.threads.zeros(domain.layout.cells, types(real).vec3)
         if domain.swirling:
             vec3, n = types(real).vec3, domain.layout.cells
             self.pushed, self.curl = kernels.pushed(real, module), kernels.curl(dim, real, module)
@@ -37,6 +40,8 @@ class ForcesAdjoint:
                 run.dot(self.share, q, live, sign * part, a)
                 run.over(self.scaled, cells, [self.share, domain.live, domain.clock, a, live, run.real(sign * part)],
                          [by_scalars[name]])
+            if self.field is not None:
+                run.over(self.fed, cells, [self.share, domain.clock, a, run.real(part)], [self.field])
             if domain.swirling:
                 run.over(self.pushed, cells, [self.share, domain.clock, a, run.real(part)], [self.swirl])
         if domain.swirling:

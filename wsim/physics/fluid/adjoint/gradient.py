@@ -41,6 +41,8 @@ class FluidGradient:
         if name == "side_velocities":
             return self.walls(k)
         fluid, layout, arrays = self.method.pairs[k][0], self.method.layouts[k], self.recorded.arrays(k)
+        if name == "acceleration":
+            return self.field(k)
         if name == "velocity":
             found = np.zeros((*fluid.shape, 3))
             for a, axis in enumerate(layout.axes):
@@ -48,6 +50,14 @@ class FluidGradient:
                 found[..., axis] = layout.unfaced(by, a).reshape(fluid.shape)
             return found
         return np.asarray(self.states[arrays[FIELDS[name]].ptr]).reshape(fluid.shape)
+
+    def field(self, k: int) -> np.ndarray:
+        """Gradient with respect to the acceleration: of each cell, or of the one of all."""
+        fluid, layout, found = self.method.pairs[k][0], self.method.layouts[k], np.zeros((*self.method.pairs[k][0].shape, 3))
+        rows = self.recorded.adjoints[k].forces.field.numpy().astype(np.float64)
+        found[..., layout.axes] = rows[:, :layout.dim].reshape(*fluid.shape, layout.dim)
+        one = np.ndim(self.method.numbers[k].get("acceleration", fluid.acceleration)) == 1
+        return found.sum(axis=(0, 1, 2)) if one else found
 
     def air(self, k: int) -> np.ndarray:
         """Gradient with respect to the rows of `Grid.air`, along the world's axes, (7, 3)."""

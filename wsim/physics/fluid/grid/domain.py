@@ -72,7 +72,9 @@ class Domain:
         scheme = "cubic" if self.reflects else fluid.advection
         self.swirling, self.lifts = fluid.vorticity > 0.0, "_".join(name for name in ("smoke", "heat") if name in scalars)
         self.lifting = filled(forces.lifting(real), live=self.live, **scalars)
-        self.pushed = bool(self.lifts) and not self.swirling and scheme not in PAIRS           # on the way
+        self.field = (None if fluid.acceleration is None else threads.zeros(layout.cells, types(real).vec3))
+        still = not self.swirling and self.field is None
+        self.pushed = bool(self.lifts) and still and scheme not in PAIRS                       # on the way
         sharp = fluid.layers and fluid.viscosity > 0.0 and not fluid.slip and scheme == "cubic" and layout.dim == 2
         how = How(scheme, not self.reflects, sharp=sharp, pushed=self.lifts * self.pushed, lifting=self.lifting)
         self.carry = [Transport(threads, layout, self.grid, a, how, self.work) for a in range(layout.dim)]
@@ -85,11 +87,12 @@ class Domain:
         some = (o is not None, o is not None and o.moving)
         self.reflect = [reflection.reflect(dim, a, *some, real, module) for a in range(dim if self.reflects else 0)]
         self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
-        pushes = (self.lifts or self.swirling) and not self.pushed
-        self.push = [forces.push(dim, a, self.lifts, self.swirling, real, module) for a in range(dim if pushes else 0)]
+        at_cells = self.swirling or self.field is not None
+        pushes = (self.lifts or at_cells) and not self.pushed
+        self.push = [forces.push(dim, a, self.lifts, at_cells, real, module) for a in range(dim if pushes else 0)]
         if self.swirling:
             vec3 = types(real).vec3
-            self.curl, self.confine = forces.curl(dim, real, module), forces.confine(dim, real, module)
+            self.curl, self.confine = forces.curl(dim, real, module), forces.confine(dim, self.field is not None, real, module)
             self.swirl, self.whirl = (self.threads.zeros(self.layout.cells, vec3) for _ in range(2))
         self.begin, self.next = steps.begin(real, module), steps.next(real, module)
         from wsim.kernels.fluid import sources
@@ -137,6 +140,12 @@ class Domain:
         live[:3] = self.along(gravity)
         for name, k in LIVE.items():
             live[k] = numbers[name]
+        if self.field is not None:
+            given = np.asarray(numbers.get("acceleration", self.fluid.acceleration), np.float64)
+            given = np.broadcast_to(given, (*self.fluid.shape, 3)).reshape(-1, 3)
+            along = np.zeros((self.layout.cells, 3))
+            along[:, :self.layout.dim] = given[:, list(self.layout.axes)]
+            self.field.assign(along.astype(self.threads.model.dtype))
         self.grid.air.assign(rows.astype(self.threads.model.dtype))
         self.live.assign(live.astype(self.threads.model.dtype))
 
@@ -252,11 +261,11 @@ class Domain:
         if self.swirling:
             n = self.layout.cells
             self.threads.over(self.curl, n, [self.grid, out], [self.whirl])
-            self.threads.over(self.confine, n, [self.grid, self.live, self.whirl], [self.swirl])
+            self.threads.over(self.confine, n, [self.grid, self.live, self.whirl, self.field], [self.swirl])
         for a, kernel in enumerate(self.push):
             q_out = getattr(out, AXES[a])
-            self.threads.over(kernel, q_out.size, [self.grid, self.lifting, self.swirl if self.swirling else None, self.clock,
-                                                   self.threads.model.real(part)], [q_out])
+            self.threads.over(kernel, q_out.size, [self.grid, self.lifting, self.swirl if self.swirling else self.field,
+                                                   self.clock, self.threads.model.real(part)], [q_out])
 
     def _projected(self, v: Any, part: float) -> None:
         """Viscosity and the pressure of v, whose closed sides are set."""

@@ -9,7 +9,7 @@ import warp as wp
 from wsim.kernels.fluid import conjugate, pressure
 from wsim.kernels.fluid.conjugate import CHECK, START, STEP, TURN
 from wsim.kernels.fluid.grid import structs
-from wsim.kernels.fluid.solver import regions
+from wsim.kernels.fluid.solver import islands, regions
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.direct import Direct
@@ -75,6 +75,7 @@ class Pressure:
         self.mean_kernel = regions.mean(module)
         self.inside = regions.inside(dim, real, module) if moving and layout.sealed else None
         self.sums = threads.zeros(self.solver.parts, wp.vec2d)
+        self.islands = Islands(threads, layout) if moving else None
 
     def regions(self, region: wp.array | None, count: int) -> None:
         """Regions of cells that are sealed from open sides, known before the first frame."""
@@ -82,12 +83,18 @@ class Pressure:
         self.multigrid.sealed = count == 1
 
     def find_region(self) -> None:
-        """Finds the region of obstacles that move in a sealed box: all cells with an open face are one."""
+        """Finds the regions that obstacles seal which move; and in a sealed box all cells with an open face, as one."""
+        table = self.multigrid.grids[0].table
         if self.inside:
-            self.threads.over(self.inside, self.layout.cells, [self.multigrid.grids[0].table], [self.region])
+            self.threads.over(self.inside, self.layout.cells, [table], [self.region])
+        if self.islands and not self.bodies:                   # bodies that give way leave no region shut
+            self.islands.find(table)
 
     def _level(self) -> None:
         """What the right-hand side sums to in sealed regions, off."""
+        if self.islands and not self.bodies:
+            self.solver.sum(self.r, self.r)
+            self.islands.level(self.r, self.solver.part)
         for k in range(self.sealed):
             self.threads.sum(self.gather, self.solver.parts, [self.region, k, self.r], [self.sums])
             self.threads.sum(self.mean_kernel, 1, [self.sums, int(self.sealed == 1)], [self.solver.numbers])
@@ -141,10 +148,36 @@ class Pressure:
             self.threads.over(kernel, now.size, [self.grid, self.low, self.high, self.p, o, s, now], [new])
 
 
+class Islands:
+    """Sealed regions of obstacles that move, found in each step: a wall that parts a box leaves two."""
+
+    def __init__(self, threads: Threads, layout: Layout):
+        real, module, n = threads.model.real, threads.module, layout.cells
+        self.threads, self.cells = threads, n
+        self.find_kernels, self.level_kernels = islands.finders(layout.dim, real, module), islands.levellers(real, module)
+        arrays = {name: threads.zeros(n, int) for name in ("parent", "label", "vented", "count")}
+        self.forest = filled(islands.Forest, sum=threads.zeros(n, wp.int64), **arrays)
+        self.scale = threads.zeros(1, wp.float64)
+
+    def find(self, table: wp.array) -> None:
+        """Regions of the openings of a level of the multigrid solver, the finest."""
+        k = self.find_kernels
+        for kernel in (k.plant, k.join, k.settle):
+            self.threads.over(kernel, self.cells, [table, self.forest], [])
+
+    def level(self, b: wp.array, part: wp.array) -> None:
+        """What b sums to in each sealed region, off. part: sums of b.b of blocks."""
+        k, over = self.level_kernels, self.threads.over
+        self.threads.sum(k.scale, 1, [part, self.cells], [self.scale])
+        over(k.clear, self.cells, [self.forest], [])
+        over(k.gather, self.cells, [b, self.scale, self.forest], [])
+        over(k.level, self.cells, [self.forest, self.scale], [b])
+
+
 def label(layout: Layout, openings: list[np.ndarray]) -> tuple[np.ndarray, int]:
     """Sealed regions of openings of the faces of each axis: number of each cell, (cells,), -1 where it is none's, and how many
     there are. NumPy; a region is sealed where no face of it is an open side's."""
-    from wsim.geometry.topology import islands
+    from wsim.geometry.topology import islands as joined
     index = np.arange(layout.cells).reshape(layout.n)
     edges, vented, used = [], np.zeros(layout.cells, bool), np.zeros(layout.cells, bool)
     for a, o in enumerate(openings):
@@ -161,7 +194,7 @@ def label(layout: Layout, openings: list[np.ndarray]) -> tuple[np.ndarray, int]:
     every = np.concatenate(edges)
     used[every.ravel()] = True
     used |= vented
-    whole = islands(layout.cells, every)
+    whole = joined(layout.cells, every)
     open_ = np.unique(whole[vented])
     shut = np.unique(whole[used & ~np.isin(whole, open_)])
     found = np.full(layout.cells, -1, np.int32)

@@ -12,6 +12,7 @@ from wsim.kernels.rigid.joint.coordinates import CONE, DISTANCE, GENERAL
 from wsim.model.stage import Clock
 from wsim.model.state import Field, Part
 from wsim.model.structs import filled
+from wsim.physics.rigid.joints.aims import Aims, aims
 from wsim.physics.rigid.joints.islands import ordered
 from wsim.physics.rigid.joints.joint import AXES, LIVE, Drive, Joint
 from wsim.physics.rigid.joints.joint import DISTANCE as LENGTH
@@ -87,6 +88,7 @@ class Joints:
         self._tables(worlds)
         self.known: tuple = ()
         self.settle: Any = None
+        self.aims = Aims(self, found) if (found := aims(b.scene)) else None
 
     def _up(self, values, dtype):
         values = np.ascontiguousarray(values, np.int32 if dtype is int else np.float64)
@@ -147,6 +149,8 @@ class Joints:
             for row in rows:
                 values[tuple(np.array(row).T)] = each
             array.assign(values)
+            if self.aims:
+                self.aims.leave(path, name, world)
             if self.method.sleep:
                 self.method.sleep.drive(before, values)
         return bool(rows)
@@ -172,7 +176,9 @@ class Joints:
                         "block": zeros(36 * self.order.blocks)}
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        """Uploads the poses of anchors at the substeps of a frame; still ones once."""
+        """Uploads the poses of anchors at the substeps of a frame; still ones once; what drives are asked for."""
+        if self.aims:
+            self.aims.before_frame(time, clock)
         moves = any(j.motion.moves for j in self.joints)
         known = (clock.substeps, tuple(id(j.motion) for j in self.joints))
         if self.known == known and not moves:
@@ -187,8 +193,7 @@ class Joints:
             v, omega = (x[1:] - x[:-1]) / h, rotation.angular_velocity(q[:-1], q[1:], h)
         worlds = self.model.worlds
         values = [np.tile(each[:rows], (1, worlds, 1)) for each in (x, q, v, omega)]
-        t = self.linked.t
-        names = ("anchor_x", "anchor_q", "anchor_v", "anchor_o")
+        t, names = self.linked.t, ("anchor_x", "anchor_q", "anchor_v", "anchor_o")
         if self.method.sleep:
             if self.known not in ((), known):
                 self.method.sleep.wake()

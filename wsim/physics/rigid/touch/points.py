@@ -169,7 +169,7 @@ class Touch:
         if k in ends[:-1]:
             own.manifolds(clock, k, ends[ends.index(k) + 1])
         self.form.launch(self.step[0], self.steps(clock), [])
-        self.joined(clock, lined=k, reset=clock.h)
+        self.joined(clock, lined=k, reset=(k, clock.h))
         self.joined(clock)
 
     def joined(self, clock: Clock, **passes) -> None:
