@@ -31,7 +31,6 @@ from wsim.scene.solid import MODELS
 from wsim.simulation import interrupt
 
 DONE, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
-CHOSEN = ("solver", "integrator", "substeps", "iterations", "precision")       # by `wsim run --error`
 
 
 def parser() -> argparse.ArgumentParser:
@@ -265,21 +264,8 @@ def main(argv: list[str] | None = None) -> int:
 
 def _main(argv: list[str] | None) -> int:
     args = parser().parse_args(argv)
-    if args.command == "run" and args.restart and args.preroll:
-        parser().error("--restart goes on from a frame, --preroll settles before the first one: give one of them")
-    if args.command == "view" and args.web and args.save:
-        parser().error("--web serves a page, -o writes a file: give one of them")
-    if args.command == "run" and args.clips and args.flatten:
-        parser().error("--clips writes a file a frame, --flatten one file of all: give one of them")
-    if args.command == "run" and args.error:
-        named = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
-        if named:
-            parser().error(f"--error chooses {', '.join(CHOSEN)}: leave out {' '.join(named)}, or --error")
-    given = [f"--{n}" for n in ("error", "substeps", "iterations") if getattr(args, n, None)]
-    if getattr(args, "fps", None) and given:
-        parser().error(f"--fps chooses substeps and iterations by their error: leave out {' '.join(given)}, or --fps")
-    if args.command == "fit" and bool(args.to) == bool(args.many):
-        parser().error("--to OBSERVED is one specimen, --many OBSERVED ... are several: give one of them")
+    if contradiction := arguments.contradiction(args):
+        parser().error(contradiction)
     from wsim.cli import commands, sweep
 
     try:

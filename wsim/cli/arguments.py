@@ -3,6 +3,7 @@
 import argparse
 import os
 
+CHOSEN = ("solver", "integrator", "substeps", "iterations", "precision")       # by `wsim run --error`
 TINY, HUGE = 1e-30, 1e30
 FAR = 1e5                     # [m] as `wsim.scene.check.objects.FAR`
 
@@ -99,6 +100,26 @@ def variant(text: str) -> tuple[str, str, str]:
     if not (prim.startswith("/") and name and value):
         raise argparse.ArgumentTypeError(f"{text} is no variant; write it as /prim:set=variant")
     return prim, name, value
+
+
+def contradiction(args: argparse.Namespace) -> str:
+    """Text about options that exclude each other; "" where none do."""
+    if args.command == "run" and args.restart and args.preroll:
+        return "--restart goes on from a frame, --preroll settles before the first one: give one of them"
+    if args.command == "view" and args.web and args.save:
+        return "--web serves a page, -o writes a file: give one of them"
+    if args.command == "run" and args.clips and args.flatten:
+        return "--clips writes a file a frame, --flatten one file of all: give one of them"
+    if args.command == "run" and args.error:
+        given = [f"--{name}" for name in CHOSEN if getattr(args, name) is not None]
+        if given:
+            return f"--error chooses {', '.join(CHOSEN)}: leave out {' '.join(given)}, or --error"
+    given = [f"--{n}" for n in ("error", "substeps", "iterations") if getattr(args, n, None)]
+    if getattr(args, "fps", None) and given:
+        return f"--fps chooses substeps and iterations by their error: leave out {' '.join(given)}, or --fps"
+    if args.command == "fit" and bool(args.to) == bool(args.many):
+        return "--to OBSERVED is one specimen, --many OBSERVED ... are several: give one of them"
+    return ""
 
 
 for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (positive, "number"),

@@ -8,8 +8,9 @@
     block, tet                  a substep of soft bodies, a tet in it; ten-node tets count TEN
     rest, sweep, projection     a substep of XPBD, a sweep over a kind of constraint, a constraint in it by its weight
     newton, solved              a Newton step of soft bodies, a tet in it
-    system, assembled           a Newton step of sheets, a constraint in it by its weight
-    gradient, conjugate         the same, and a point in it, times the root of omega h, as the iterations of its solve go
+    assembled                   a constraint, by its weight, in a Newton step of sheets
+    gradient, conjugate         such a step, and a point in it, times the root of omega h, as the iterations of its solve go
+    pressed                     what contacts add to such a step, and to a system
     touch, near                 a launch for contacts (a search a substep, a projection an iteration), a point beside a collider
     met, damped, body           what a frame is said to take besides (`frame`), which no choice depends on: a point that may
                                 touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
@@ -31,16 +32,19 @@ from wsim.scene import Soft, Surface
 # and 7 to project a million points that touch nothing (contact_h200.json), in launches of 2 us. Choices among the runs that
 # choice_h200.json has measured: 2 of 35 take over 1.3 times the fastest that errs by less than wanted, 1.54 times at most
 # (tools/bench/choice/costs.py replays it)
+# Newton steps of sheets: 24 runs of 24 to 64 points a side on an H100 (newton_h100.json), said to take 0.8 to 1.1 of what they
+# do while omega h is below 75, to 0.4 beyond; of 12 to 40 a side on a CPU (choice_newton_cpu.json), 0.6 to 1.2, below 200
 # Cells of a fluid: fluids_h200.json. CPU: one core of an EPYC (choice_epyc_2_cores.json); met, damped, body, cell fitted to
 # the examples (tools/bench/choice/said.py, said_cpu.json)
 COSTS = {
     "cuda": {"step": 3.8e-6, "spring": 1.3e-11, "element": 2.2e-11, "block": 3.2e-6, "tet": 1.05e-10, "rest": 9e-6,
              "sweep": 2.5e-5, "projection": 2.1e-11, "newton": 3.5e-4, "solved": 5e-9,
-             "system": 3e-4, "assembled": 1e-9, "gradient": 1e-4, "conjugate": 1e-9, "touch": 4e-6, "near": 3e-11,
+             "assembled": 5.8e-9, "gradient": 2.2e-5, "conjugate": 2.2e-8, "pressed": 1.8e-4,
+             "touch": 4e-6, "near": 3e-11,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 1.12e-7, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
-            "system": 1e-5, "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "touch": 1e-6, "near": 1.6e-8,
+            "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
             "met": 1.2e-7, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
@@ -82,8 +86,8 @@ def solved(model: Model, n: int, iterations: int, omega: float) -> dict[str, flo
     """Counts of a frame of n systems of sheets and nets, of so many Newton steps each. omega: the highest frequency [rad/s]."""
     _, work, _ = _constraints(model)
     times, rate = n * iterations, sqrt(max(1.0, omega / model.scene.fps / n))
-    return {"system": times, "assembled": times * work, "conjugate": times * rate * model.points,
-            "gradient": times * rate, **_contacts(model, n, iterations)}
+    return {"assembled": times * work, "conjugate": times * rate * model.points, "gradient": times * rate,
+            "pressed": (n + times) * bool(model.scene.colliders), **_contacts(model, n, iterations)}
 
 
 def highest(model: Model) -> float:

@@ -65,11 +65,12 @@ class Accelerated:
         if self.name == "warm":
             self.warm(clock)
         past, omega = [self.state()], 1.0
-        for clock.i in range(clock.iterations):
+        for i in range(clock.iterations):
+            clock.i = i
             for stage in plan.stages("solve", "iteration"):
                 stage.launch(clock)
-            if self.name == "chebyshev" and clock.i >= EARLY:
-                omega = 2.0 / (2.0 - self.factor**2) if clock.i == EARLY else 4.0 / (4.0 - self.factor**2 * omega)
+            if self.name == "chebyshev" and i >= EARLY:
+                omega = 2.0 / (2.0 - self.factor**2) if i == EARLY else 4.0 / (4.0 - self.factor**2 * omega)
                 self.put([omega * (now - two) + two for now, two in zip(self.state(), past[-2], strict=True)])
             past.append(self.state())
             if self.name == "anderson":
