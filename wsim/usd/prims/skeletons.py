@@ -61,8 +61,8 @@ def lost(reading: Reading, prim: Usd.Prim) -> None:
                          "reference missing?); name one, or author an empty skel:skeleton on it to mean its points as they are")
         elif not UsdSkel.Cache().GetSkelQuery(bones):
             _, why = UsdSkel.Topology(list(bones.GetJointsAttr().Get(reading.units.start) or ())).Validate()
-            reading.fail(target, f"is no skeleton that USD can read ({why.rstrip('.') or 'transforms'}); give each joint a name of "
-                         "its own, behind those above it")
+            reading.fail(target, f"is no skeleton that USD can read ({why.rstrip('.') or 'transforms'}); give each joint a "
+                         "name of its own, behind those above it")
 
 
 def poses(reading: Reading, prim: Usd.Prim) -> Any:
