@@ -9,6 +9,7 @@ at its end, and what they changed becomes a velocity. Frames without contacts: `
 from __future__ import annotations
 
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +17,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import explicit as kernels
-from wsim.kernels.motion import march_cpu, runge_kutta
+from wsim.kernels.motion import march_cpu
 from wsim.kernels.motion.threads import teams
 from wsim.model.model import Model
 from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Remedy, Stage
@@ -55,6 +56,7 @@ class Explicit(Method):
         self.impacts = Port()         # called with `change` before leapfrog's last half kick: restitution takes impacts out
         self.muscles: Any = None      # change rest lengths over time
         self.moving: Any = None       # what a march works on
+        self.staged: Any = import_module("wsim.kernels.motion.runge_kutta") if self.integrator.stages else None
         self.at_once: Any = None      # whole frames in a launch
         self.columns = None if pins is None else pins.columns()
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
@@ -94,8 +96,7 @@ class Explicit(Method):
             self.move(self.pair[:n], self.pair[2 * n:3 * n], self.carry[:n], self.carry[n:])
         else:
             pull.need_springs()
-            make = runge_kutta.stage if self.integrator.stages else kernels.leap
-            self.kernel = make(real, module, pull.flags(), self.field)
+            self.kernel = (self.staged.stage if self.staged else kernels.leap)(real, module, pull.flags(), self.field)
             self.kernel.own = pull.lanes * (not pull.springs)     # threads of a point, that read no other's place
             if not self.integrator.stages:
                 beside(model, "wsim.physics.motion.forces", "LeapAdjoint", pull, self.kernel)
@@ -188,7 +189,7 @@ class Explicit(Method):
             self.act(clock, c)
             self.pull.launch(source, s.x, self.pair)
             reach, first, rows = m.after[number], clock.k * self.stride, self.stride and m.moments.index(m.after[number])
-            part = filled(runge_kutta.parts(self.model.real), c=reach * clock.h, b=b * clock.h, h=clock.h, source=source,
+            part = filled(self.staged.parts(self.model.real), c=reach * clock.h, b=b * clock.h, h=clock.h, source=source,
                           row=first + rows, end=first + max(self.stride - 1, 0), pace=clock.k * m.forces + number,
                           last=int(number == m.forces - 1))
             self.model.launch(self.kernel, n * self.pull.lanes, [self.net, self.pull.force, self.phase(), part],
@@ -248,8 +249,6 @@ class Explicit(Method):
             self.read_out(clock, self.at)
             self.impacts(self.change)
             self.model.launch(self.settle, self.model.points, [s.b, self.change, s.v, 0.5], [s.v])
-
-    # around a frame
 
     def spring_tables(self) -> list:
         from wsim.physics.cloth.springs import SpringTable
