@@ -71,6 +71,16 @@ def slope(scene: Scene, name: str, step: float = 1e-6) -> tuple[float, float]:
     return float((found * way).sum()), (8.0 * (losses[1] - losses[-1]) - (losses[2] - losses[-2])) / (12.0 * step)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["catmull_rom", "handles", "squad"])
+def test_stages_of_runge_kutta_see_each_part_of_a_path(kind):
+    what, how = KINDS[kind]
+    scene = pinned("explicit", how, False)
+    scene.integrator, scene.substeps = "rk4", 60
+    found, expected = slope(scene, f"/pin:{what}")
+    assert abs(expected) > 1e-3 and found == pytest.approx(expected, rel=1e-6)
+
+
 @pytest.mark.parametrize(("solver", "kind", "soft"), first_and_slow([("xpbd", "handles", False), *(
     (solver, kind, soft) for solver in SOLVERS for kind in KINDS for soft in (False, True)
     if (solver, kind, soft) != ("xpbd", "handles", False))]))

@@ -124,6 +124,27 @@ def test_an_animation_that_is_named_and_not_there(read):
     assert "/char/bones: names /char/gone as its animation, which is no SkelAnimation that can be read" in errors(read, text)
 
 
+def test_a_skeleton_that_is_named_and_not_there(read):
+    text = cloth() + character(mesh(COLLIDES)).replace("rel skel:skeleton = </char/bones>", "rel skel:skeleton = </char/gone>")
+    assert "/char/skin: is bound to the skeleton /char/gone, which is none that can be read" in errors(read, text)
+
+
+def test_a_joint_before_the_one_above_it(read):
+    text = cloth() + character(mesh(COLLIDES)).replace('def Skeleton "bones"', 'def Skeleton "BONES"', 1).replace(
+        'joints = ["hip"]', 'joints = ["hip/knee", "hip"]', 1).replace(f"[{IDENTITY}]", f"[{IDENTITY}, {IDENTITY}]").replace(
+        '"BONES"', '"bones"')
+    found = errors(read, text)
+    assert "/char/bones: is no skeleton that USD can read" in found and "behind those above it" in found
+
+
+def test_an_animation_of_joints_that_the_skeleton_lacks_is_warned_of(read):
+    text = character(mesh(COLLIDES)).replace('"walk" {\n        uniform token[] joints = ["hip"]',
+                                             '"walk" {\n        uniform token[] joints = ["hop"]')
+    scene = read(cloth() + text)
+    assert any("/char/walk: moves hop, which /char/bones does not have: 1 of its 1 joints move nothing" in str(note)
+               for note in scene.notes)
+
+
 def test_a_bind_pose_that_flattens(read):
     text = cloth() + character(mesh(COLLIDES)).replace(f"bindTransforms = [{IDENTITY}", f"bindTransforms = [{FLAT}")
     assert "/char/bones: the bind transform of hip flattens space; author one with an inverse" in errors(read, text)

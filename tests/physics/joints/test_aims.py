@@ -26,7 +26,7 @@ def slider(name: str = "target", curve: Curve = WAY, **more):
 
 @pytest.mark.parametrize("name", ["target", "speed"])
 def test_a_body_follows_the_target_of_its_drive(name):
-    """A critically damped drive of 200/s is 2 / 200 s behind a target that goes on; of a speed alone, with no spring, 1 / 400 s.
+    """A critically damped drive of 200/s is 2 / 200 s behind a target that goes on; of a speed alone, no spring, 1 / 400 s.
     """
     made = slider(name)
     if name == "speed":

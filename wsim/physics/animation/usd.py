@@ -139,6 +139,10 @@ def _animation(reading: Reading, query: UsdSkel.SkeletonQuery) -> dict:
     place = {str(name): k for k, name in enumerate(animation.GetJointOrder())}
     order = [place.get(str(name), -1) for name in query.GetJointOrder()]
     found: dict[str, Any] = {}
+    if strange := [name for name in place if name not in set(map(str, query.GetJointOrder()))]:
+        reading.warn(animation.GetPrim().GetPath(), f"moves {', '.join(strange[:3])}{' ...' * (len(strange) > 3)}, which "
+                     f"{query.GetPrim().GetPath()} does not have: {len(strange)} of its {len(place)} joints move nothing; name "
+                     "joints of that skeleton")
     if max(order, default=-1) >= 0:
         codes = list(animation.GetJointTransformTimeSamples()) or [units.start]
         parts = [animation.ComputeJointLocalTransformComponents(code) for code in codes]

@@ -221,7 +221,7 @@ def _mesh(reading: Reading, prim: Usd.Prim, place: Placement, S: np.ndarray) -> 
 
 def _follows(reading: Reading, prim: Usd.Prim):
     """Points of a mesh that a skeleton moves."""
-    if prim.GetPath() not in reading.skinned:
+    if prim.GetPath() not in reading.skinned and not prim.HasAttribute("primvars:skel:jointIndices"):
         return None
     from wsim.usd.prims.skeletons import poses
     return poses(reading, prim)

@@ -34,16 +34,35 @@ class Bound:
 
 
 def bindings(roots: list[Usd.Prim]) -> dict[Sdf.Path, Bound]:
-    """Bindings of what skeletons below the SkelRoots move, by path."""
+    """Bindings of what skeletons below the SkelRoots move, by path; not those to skeletons that USD cannot read."""
     found = {}
     for root in map(UsdSkel.Root, roots):
         cache = UsdSkel.Cache()
         cache.Populate(root, Usd.TraverseInstanceProxies())
         for binding in cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies()):
             skeleton = cache.GetSkelQuery(binding.GetSkeleton())
-            for query in binding.GetSkinningTargets():
+            for query in binding.GetSkinningTargets() if skeleton else ():
                 found[query.GetPrim().GetPath()] = Bound(skeleton, query, cache, binding.GetSkeleton().GetPrim())
     return found
+
+
+def lost(reading: Reading, prim: Usd.Prim) -> None:
+    """Reports that a mesh with joint influences is bound to a skeleton that is not there, or that USD cannot read."""
+    if not prim.HasAttribute("primvars:skel:jointIndices"):
+        return
+    above, relationship = prim, UsdSkel.BindingAPI(prim).GetSkeletonRel()
+    while above and not (relationship and relationship.HasAuthoredTargets()):
+        above = above.GetParent()
+        relationship = above and UsdSkel.BindingAPI(above).GetSkeletonRel()
+    for target in relationship.GetForwardedTargets() if relationship else ():
+        bones = UsdSkel.Skeleton(reading.stage.GetPrimAtPath(target))
+        if not bones:
+            reading.fail(prim.GetPath(), f"is bound to the skeleton {target}, which is none that can be read (is a payload or "
+                         "reference missing?); name one, or author an empty skel:skeleton on it to mean its points as they are")
+        elif not UsdSkel.Cache().GetSkelQuery(bones):
+            _, why = UsdSkel.Topology(list(bones.GetJointsAttr().Get(reading.units.start) or ())).Validate()
+            reading.fail(target, f"is no skeleton that USD can read ({why.rstrip('.') or 'transforms'}); give each joint a "
+                         "name of its own, behind those above it")
 
 
 def poses(reading: Reading, prim: Usd.Prim) -> Any:
@@ -51,6 +70,7 @@ def poses(reading: Reading, prim: Usd.Prim) -> Any:
     binds them are animated, a Curve of points [m] in its own space. None where no skeleton moves it; errors are reported."""
     bound = reading.skinned.get(prim.GetPath())
     if bound is None or not prim.IsA(UsdGeom.PointBased):
+        lost(reading, prim)
         return None
     before = len(reading.problems)
     if _skinned(bound, reading.units.start) is not None and not _moved(reading, bound):
