@@ -127,7 +127,7 @@ def test_a_word_that_does_not_belong_is_caught(line):
     assert len(list(lint.words({Path("a.py"): line}))) == 1
 
 
-OURS = ("tools", "wsim", "tests")
+OURS = ("tools", "wsim", "tests", "scenes")
 OTHERS = {"numpy", "warp", "pxr", "scipy", "matplotlib", "newton", "mujoco", "phi", *sys.stdlib_module_names}
 
 
