@@ -101,11 +101,12 @@ def test_durations(seconds, text):
 
 @pytest.mark.parametrize("seconds, samples, slow", [(9.0, 1, False), (11.0, 1, True), (4.0, 3, True)])
 def test_a_run_that_takes_longer_than_ten_seconds_a_frame_is_said(seconds, samples, slow):
-    plan = SimpleNamespace(seconds=seconds)
+    plan = SimpleNamespace(seconds=seconds, choice=SimpleNamespace(error=0.012))
     warnings = long_run(plan, 10, samples)
     assert bool(warnings) == slow
     each = seconds * samples
     assert expected(plan, 10, samples).startswith(f"about {each:.1f} s a frame, {duration(10 * each)} for 10")
+    assert expected(plan, 10, samples).endswith("it errs by about 1.2 % of the size")
     if slow:
         assert f"a frame takes about {seconds * samples:.1f} s, and 10 of them" in warnings[0] and "--substeps" in warnings[0]
 

@@ -28,6 +28,7 @@ from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import TABLE, Integrator
 from wsim.scene.methods import carried, collides, touches
 from wsim.simulation import cost
+from wsim.simulation.duration import percent
 from wsim.simulation.predicted import errors, sweep_strain
 from wsim.simulation.predicted.errors import HIT, drift, falls, size
 
@@ -71,10 +72,6 @@ def choose(model: Model, named: str = "") -> Choice:
     error = found.error if found.error is not None else predicted(model, found)
     return replace(found, error=error, why=f"{found.why}; it errs by about {percent(error)} of the size" if found.why else
                    found.why)
-
-
-def percent(error: float) -> str:
-    return f"{100.0 * error:.2g} %" if error < 1.0 else "over 100 %"
 
 
 def predicted(model: Model, choice: Choice) -> float:

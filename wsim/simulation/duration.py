@@ -25,9 +25,15 @@ def long(plan, fps: float | None = None) -> list[str]:
 
 
 def expected(plan, frames: int, samples: int = 1) -> str:
-    """Text of what a frame and the run are expected to take, in one line; samples: of the plan's frames a frame."""
-    each = plan.seconds * samples
-    return f"about {_short(each)} a frame, {_short(each * frames)} for {frames} frames, after kernels are compiled"
+    """Text of what a frame and the run are expected to take and err by, in one line; samples: of the plan's frames a frame."""
+    each, error = plan.seconds * samples, plan.choice.error
+    errs = "" if error is None else f"; it errs by about {percent(error)} of the size"
+    return f"about {_short(each)} a frame, {_short(each * frames)} for {frames} frames, after kernels are compiled{errs}"
+
+
+def percent(error: float) -> str:
+    """An error over a scene's size."""
+    return f"{100.0 * error:.2g} %" if error < 1.0 else "over 100 %"
 
 
 def _short(seconds: float) -> str:

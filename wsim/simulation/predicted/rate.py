@@ -18,6 +18,7 @@ from wsim.scene.methods import carried, collides
 from wsim.simulation import choice as choices
 from wsim.simulation import cost
 from wsim.simulation.choice import SOLVED, Choice
+from wsim.simulation.duration import percent
 
 SPARE = 1.3            # of the time that there is: what the table may be off by
 WORTH = 0.95           # of the error with half as many substeps, above which the other half is not worth its time
@@ -34,9 +35,9 @@ def hold(model: Model, fps: float) -> Choice:
         return choices.choose(model)
     held = [c for c in found if _seconds(model, c) <= goal]
     best = min(held, key=_error) if held else min(found, key=lambda c: _seconds(model, c))
-    others = "; ".join(f"{_name(c)} {1e3 * _seconds(model, c):.3g} ms, {choices.percent(_error(c))}" for c in found
+    others = "; ".join(f"{_name(c)} {1e3 * _seconds(model, c):.3g} ms, {percent(_error(c))}" for c in found
                        if c is not best)
-    took, left = f"{1e3 * _seconds(model, best):.3g} ms a frame", f"{choices.percent(_error(best))} of the size"
+    took, left = f"{1e3 * _seconds(model, best):.3g} ms a frame", f"{percent(_error(best))} of the size"
     why = (f"the most accurate that holds {fps:g} frames a second, with {SPARE - 1.0:.0%} to spare: {took}" if held else
            f"nothing holds {fps:g} frames a second; this is the fastest: {took}")
     return replace(best, why=f"{why}; it errs by about {left}" + (f" ({others})" if others else ""))
