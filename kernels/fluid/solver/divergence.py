@@ -15,7 +15,6 @@ import warp as wp
 from wsim.kernels.fluid.grid import flat, functions, structs
 from wsim.kernels.fluid.pressure import stencil
 from wsim.kernels.fluid.solver.level import levels
-from wsim.kernels.math.real import types
 
 
 @cache

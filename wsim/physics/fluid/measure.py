@@ -23,8 +23,8 @@ def centered(fluid: Fluid, layout: Layout, arrays: dict[str, np.ndarray], dtype=
 
 
 def divergence(fluid: Fluid, layout: Layout, arrays: dict[str, np.ndarray], obstacles: Any = None) -> np.ndarray:
-    """Outflow of each cell over its volume [1/s], (n), as kernels/fluid/solver/divergence.py has it: through the openings of its
-    faces, and what obstacles that move push in; 0 of cells that none opens."""
+    """Outflow of each cell over its volume [1/s], (n), as kernels/fluid/solver/divergence.py has it: through the openings of
+    its faces, and what obstacles that move push in; 0 of cells that none opens."""
     found, open_, swells = np.zeros(layout.n), np.zeros(layout.n), np.zeros(layout.n)
     solids = obstacles.solids() if obstacles and obstacles.moving else None
     for a, o in enumerate(obstacles.openings() if obstacles else [None] * layout.dim):

@@ -66,8 +66,10 @@ class _Pinned:
         """Places as `targets` has them, at times (n,) [s]: (n, points, 3)."""
         if hasattr(self.motion, "follow"):
             return self.motion.over(times) - self.body.origin
+        if not hasattr(self.motion, "sampled"):                # a table of places
+            return np.stack([self.targets(time) for time in times])
         M = self.motion.sampled(times)
-        if getattr(self.motion, "plain", True):
+        if self.motion.plain:
             if (M[:, :3, :3] == M[0, :3, :3]).all():
                 return self.locals @ M[0, :3, :3].T + M[:, None, :3, 3] - self.body.origin
             return np.stack([self.targets(time) for time in times])

@@ -51,8 +51,8 @@ class Conjugate:
 
 
 class Pressure:
-    """obstacles: None where there are none. work: arrays of at least as many rows as there are cells, which others use in
-    turn; with "free" among them the solve is direct. region: numbers of the sealed regions, (cells,), -1: none; None: all one."""
+    """obstacles: None where there are none. work: arrays of at least as many rows as there are cells, which others use in turn;
+    with "free" among them the solve is direct. region: numbers of the sealed regions, (cells,), -1: none; None: all one."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Obstacles | None, expansion: wp.array | None,
                  work: dict[str, wp.array], words: dict[str, wp.array]):

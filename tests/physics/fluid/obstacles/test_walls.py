@@ -12,8 +12,7 @@ N, CELL = (24, 8, 8), 1.0 / 24.0
 
 
 def duct(sides, frames: int = 4, speed: float = 0.0, **more):
-    """A scene of a duct of 1 m, with a sheet across it, beyond its walls, held but for a corner; that goes at a speed [m/s] along
-    it."""
+    """A duct of 1 m, with a sheet across it, beyond its walls, held but for a corner, that goes along it at a speed [m/s]."""
     smoke = np.zeros(N)
     smoke[:10] = 1.0
     seconds = frames / 24.0
