@@ -6,6 +6,7 @@ import warp as wp
 
 from tests.gradient.rigid.test_joints import LAST, SCENES, seeds
 from tests.physics.joints.make import coordinates, errors, rod, start
+from tests.physics.joints.test_aims import slider
 from tests.physics.joints.test_beside import run
 from tests.physics.joints.test_islands import chain
 from tests.physics.joints.test_sleep import chain as hanging
@@ -35,6 +36,16 @@ def test_a_chain_with_a_heavy_end_stays_closed(precision):
     sim = chain(100.0, precision=precision, device="cuda:0")
     sim.run(100)
     assert errors(sim)[0] < 1e-6
+
+
+def test_drives_follow_curves_within_frames_as_on_a_cpu():
+    ends = []
+    for device in ("cpu", "cuda:0"):
+        sim = Simulation(slider(fps=10.0, substeps=16), device=device, precision="float64")
+        sim.run(5)
+        rigid = sim.plan.method("rigid")
+        ends.append((rigid.poses()[0, 0, 3], rigid.velocities()[0, 0]))
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-12)
 
 
 def test_a_thousand_pendulums_swing_alike():
