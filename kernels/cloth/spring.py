@@ -31,7 +31,6 @@ def net(real):
         decay: wp.array(dtype=t.scalar)      # [1/s], (objects,)
         pin: wp.array(dtype=int)             # column of `target`, or -1, (points,)
         target: wp.array2d(dtype=t.vec3)     # [m], (rows, pins): at the end of each substep, of stages at each of theirs
-        rate: wp.array2d(dtype=t.vec3)       # [m/s], (rows, pins), after each evaluation of forces; empty: mean velocities
         start: wp.array(dtype=int)           # springs of each point: entries start[i]:start[i + 1], (points + 1,)
         other: wp.array(dtype=int)           # point at the other end, (entries,)
         rest: wp.array(dtype=t.scalar)       # length [m], (entries,)

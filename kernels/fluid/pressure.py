@@ -166,50 +166,6 @@ def stencil(dim: int, fractions: bool | int, real) -> SimpleNamespace:
 
 
 @cache
-def divergence(dim: int, fractions: bool, moving: bool, expanding: bool, real, module):
-    """Kernel over cells: the right-hand side [m/s]. open: of the faces, solid: velocities of what covers them (moving),
-    expansion [1/s] of the cells; 0 in cells without an open face."""
-    S, f, Level = structs(real), functions(dim, real), levels(real)
-
-    @wp.func
-    def through(u: wp.array(dtype=real), o: wp.array(dtype=real), s: wp.array(dtype=real), c: int):
-        flux = u[c]
-        if wp.static(fractions):
-            flux = o[c] * u[c]
-            if wp.static(moving):
-                flux += (real(1.0) - o[c]) * s[c]
-        return flux
-
-    @wp.func
-    def out(g: S.Grid, axis: int, i: wp.vec3i, u: wp.array(dtype=real), o: wp.array(dtype=real), s: wp.array(dtype=real)):
-        shape = f.faces(g, axis)
-        far = wp.vec3i(i[0], i[1], i[2])
-        far[axis] = i[axis] + 1
-        if far[axis] == shape[axis]:
-            far[axis] = 0
-        return through(u, o, s, flat(far, shape)) - through(u, o, s, flat(i, shape))
-
-    s = stencil(dim, fractions, real)
-
-    def divergence(g: S.Grid, u: S.Faces, open: S.Faces, solid: S.Faces, expansion: wp.array(dtype=real), level: Level,
-                   b_out: wp.array(dtype=real)):
-        c = wp.tid()
-        i = f.place(c, g.n)
-        sum = out(g, 0, i, u.x, open.x, solid.x) + out(g, 1, i, u.y, open.y, solid.y)
-        if wp.static(dim == 3):
-            sum += out(g, 2, i, u.z, open.z, solid.z)
-        if wp.static(expanding):
-            sum -= expansion[c] * g.dx
-        if wp.static(fractions):
-            if s.diagonal(level, i) == real(0.0):
-                sum = real(0.0)
-        b_out[c] = -sum
-
-    name = f"divergence{'_fractions' * fractions}{'_moving' * moving}{'_expanding' * expanding}_{f.name}"
-    return wp.kernel(divergence, name=name, module=module, enable_backward=False)
-
-
-@cache
 def gradient(dim: int, axis: int, fractions: bool, moving: bool, real):
     """Function (g, sides, p, o, s, c, u) -> the component u of face c with the gradient of p taken off; of a face that is
     closed the velocity of what closes it. sides: as low and high of `levels`."""

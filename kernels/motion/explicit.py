@@ -19,6 +19,8 @@ from wsim.kernels.cloth.spring import acceleration, net
 from wsim.kernels.math.real import differentiable, types
 from wsim.kernels.motion.points import states
 
+ALIKE = 0.25           # of what others change in a substep, by which two in a row may differ and still be one lasting force
+
 
 @cache
 def steps(real):
@@ -60,7 +62,7 @@ def phases(real):
 def leaper(real, flags: tuple, field=None):
     """Function: kick and drift of the point of a thread."""
     t, lanes = types(real), dict(flags).get("lanes", 1)
-    vec3, Net, Phase, Step, damped = t.vec3, net(real), phases(real), steps(real), dict(flags)["damped"]
+    vec3, Net, Phase, Step = t.vec3, net(real), phases(real), steps(real)
     force = acceleration(real, **dict(flags), field=field)
 
     @wp.func
@@ -90,13 +92,9 @@ def leaper(real, flags: tuple, field=None):
             d_out[(2 + into) * n + i] = v1 + step.ahead * a
         else:
             d1 = d0
-            held = step.drift > real(0.0) and net.pin[i] >= 0
-            if held:
+            if step.drift > real(0.0) and net.pin[i] >= 0:
                 d1 = net.target[step.row, net.pin[i]] - at.x[i]
             v1 = (d1 - d0) / step.h
-            if wp.static(damped):
-                if held and net.rate.shape[0] > 0:
-                    v1 = net.rate[step.row, net.pin[i]]
             d_out[into * n + i] = d1
             d_out[(2 + into) * n + i] = v1
             if step.drift == real(0.0):
@@ -199,17 +197,21 @@ def correct(real, module):
 def settle(real, module):
     """Kernel: leapfrog's last half kick knows no contact forces and would push what rests into what it rests on. Others
     changed the velocity by c in the last substep; of the kick v - before, what they would take back, along -c, is left out,
-    up to `share` of |c| (1/2, as the kick is half a one): an impact is not repeated."""
-    vec3 = types(real).vec3
+    up to `share` of |c| (1/2, as the kick is half a one): an impact is not repeated. What goes on is no impact: where the
+    substep before was changed alike (`earlier`), to a part ALIKE of c, all of the share belongs to the kick (order 2)."""
+    vec3, alike = types(real).vec3, real(ALIKE)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def settle(before: wp.array(dtype=vec3), change: wp.array(dtype=vec3), v: wp.array(dtype=vec3), share: real,
-               v_out: wp.array(dtype=vec3)):
+    def settle(before: wp.array(dtype=vec3), change: wp.array(dtype=vec3), earlier: wp.array(dtype=vec3),
+               v: wp.array(dtype=vec3), share: real, v_out: wp.array(dtype=vec3)):
         i = wp.tid()
         size = wp.length(change[i])
         if size > real(0.0):
             c = change[i] / size
             back = wp.max(-wp.dot(v[i] - before[i], c), real(0.0))
-            v_out[i] = v[i] + wp.min(back, share * size) * c
+            part = wp.min(back, share * size)
+            if wp.length(change[i] - earlier[i]) < alike * size:
+                part = share * size
+            v_out[i] = v[i] + part * c
 
     return settle

@@ -68,9 +68,7 @@ MARCH = """
     for (; t < count; ++t) {{
         const bool closes = t == step.count;
         const {real} kick = closes ? step.close : t > 0 ? step.later : step.kick, drift = closes ? 0 : step.drift;
-        const int row = 3 * pins * (step.row + t * step.stride);
-        const {real}* target = (const {real}*)c.target.data + row;
-        const {real}* rate = {damped} && c.rate.shape[0] ? (const {real}*)c.rate.data + row : 0;
+        const {real}* target = (const {real}*)c.target.data + 3 * pins * (step.row + t * step.stride);
         {hold}
         watched = t == count - 1;
         for (int l = 0; l < 3; ++l) {{
@@ -145,7 +143,7 @@ HOLD = """
             if (w > 0) return;
             const int pin = c.pin.data[order[i]];
             D[i] = drift > 0 && pin >= 0 ? load(target, pin) - X[i] : d0;
-            Q[i] = drift > 0 && pin >= 0 && rate ? load(rate, pin) : (D[i] - d0) / step.h;
+            Q[i] = (D[i] - d0) / step.h;
             V[i] = drift > 0 ? Q[i] : v0;
             C[i] = S[i] = zero;
         }};

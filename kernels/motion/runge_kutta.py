@@ -2,9 +2,9 @@
 
     d_s = d + c h v_(s-1),  v_s = v + c h a_(s-1),  a_s = a(d_s, v_s);     d' = d + h sum b v_s,   v' = v + h sum b a_s
 
-Prescribed points are where their curves are at the time of each stage, and have the velocities of those, so that what hangs on
-them keeps the order of the method (Hairer, Norsett, Wanner 1993, Solving Ordinary Differential Equations I, II.1). Symbols and
-copies of d: kernels/motion/explicit.py; c and b: wsim/scene/integrator.py.
+Prescribed points are where their curves are at the time of each stage, so that what hangs on them keeps the order of the method
+(Hairer, Norsett, Wanner 1993, Solving Ordinary Differential Equations I, II.1); what damps sees their velocities to order 2.
+Symbols and copies of d: kernels/motion/explicit.py; c and b: wsim/scene/integrator.py.
 """
 
 from functools import cache
@@ -28,16 +28,16 @@ def parts(real):
         source: int
         row: int             # of `target`: of the next stage, and
         end: int             # of the end of the substep
-        pace: int            # row of `rate`
+        curved: int          # 1: the row before the last is of the middle
         last: int
 
     return Part
 
 
 @cache
-def _pinned(real, damped: bool):
-    """Function: displacement of pinned point i at the next stage, and its velocity: without a table of the pins' the mean one
-    of the substep, of which forces that damp converge with order 1."""
+def _pinned(real):
+    """Function: displacement of pinned point i at the next stage, and its velocity: of the parabola through its places where
+    the substep begins, in its middle and at its end, if there are three, else the mean one."""
     vec3, Net, Part = types(real).vec3, net(real), parts(real)
 
     @wp.func
@@ -47,10 +47,10 @@ def _pinned(real, damped: bool):
         p = net.pin[i]
         if p >= 0:
             d1 = net.target[part.row, p] - x[i]
-            V = ((net.target[part.end, p] - x[i]) - base) / part.h
-            if wp.static(damped):
-                if net.rate.shape[0] > 0:
-                    V = net.rate[part.pace, p]
+            end = net.target[part.end, p] - x[i]
+            V = (end - base) / part.h
+            if part.curved != 0 and part.row == part.end:
+                V += real(2.0) * ((end + base) - real(2.0) * (net.target[part.end - 1, p] - x[i])) / part.h
         return d1, V
 
     return pinned
@@ -61,7 +61,7 @@ def stage(real, module, flags: tuple, field=None):
     """Kernel over the lanes of the points: one stage of a Runge-Kutta step."""
     t, Net, Phase, Part, lanes = types(real), net(real), phases(real), parts(real), dict(flags).get("lanes", 1)
     vec3, force = t.vec3, acceleration(real, **dict(flags), field=field)
-    pinned = _pinned(real, dict(flags)["damped"])
+    pinned = _pinned(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def stage(net: Net, f: wp.array(dtype=vec3), at: Phase, part: Part,

@@ -253,6 +253,21 @@ def layered(**more) -> Scene:
     return scene
 
 
+def draped() -> Scene:
+    """A cloth in air."""
+    scene = layered(margin=0.0)
+    scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 2, 2, at=(0.5, 0.5, 0.0625)))
+    return scene
+
+
+def grown():
+    """A mesh whose points move, in air: by a loss of the air."""
+    scene, (x, counts, indices) = layered(margin=0.0), shapes.sheet(0.5, 0.5, 2, 2, at=(0.5, 0.5, 0.0625))
+    poses = Curve(np.array([0.0, 1.0]), np.stack([x, 1.1 * x]))
+    scene.collider("/ball", Surface(x, counts, indices, poses))
+    return recorded(scene, 1).backward(fluids={1: {"/air": {"velocity": np.ones((8, 8, 1, 3))}}})
+
+
 def moving():
     motion = Motion(np.arange(2) / 60.0, np.stack([np.eye(4), np.eye(4) + np.eye(4, k=3) * 0.01]))
     scene = net(integrator="leapfrog", pins=[Pin("/pin", "/chain", np.array([0]), motion=motion)])
@@ -283,6 +298,8 @@ CASES = {
     "features": ("/lower", lambda: flush().backward(twists={1: {"/upper": np.ones((2, 3))}})),
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
     "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
+    "walls": ("/air", lambda: recorded(draped())),
+    "forming": ("/ball", lambda: grown().value("/ball", "surface")),
     "layers": ("/air", lambda: recorded(layered())),
     "margin": ("/air", lambda: recorded(layered(margin=0.5))),
     "conserve": ("/air", lambda: recorded(layered(conserve=True, sides=("closed",) * 6))),

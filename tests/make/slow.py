@@ -95,7 +95,7 @@ SLOW = {
     "physics/fluid/liquid/test_sheets.py": [
         "test_liquid_poured_onto_a_pinned_sheet_stays_above_it",
         "test_a_mesh_whose_points_move_is_the_collider_that_moves_so"],
-    "physics/fluid/test_obstacles.py": [
+    "physics/fluid/obstacles/test_obstacles.py": [
         "test_a_mesh_is_an_obstacle_as_its_shape_is", "test_a_wall_thinner_than_a_cell_does_not_leak[0.0]"],
     "physics/joints/test_beside.py": [
         "test_islands_and_contacts_of_many_launches_give_the_bits_of_one",

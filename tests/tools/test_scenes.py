@@ -41,7 +41,7 @@ RIGID = {"dominoes": 31, "pyramid": 56, "humanoid": 16, "arch": 18, "racket": 1,
          "ball_into_cloth": 3}                                         # bodies
 CURVES = {"camera_path": 1, "easing_chart": 9}                         # cloths
 FLUID = {"plume": ((20, 35, 20), 1), "smoke_rings": ((35, 20, 20), 2), "vortex_pair": ((128, 64, 1), 1),
-         "cavity": ((64, 64, 1), 1)}                                   # cells, sources
+         "cavity": ((64, 64, 1), 1), "waved_flag": ((26, 24, 32), 1)}                                   # cells, sources
 LIQUID = {"dam_break": ((30, 18, 9), 7776), "floating_boxes": ((30, 18, 10), 8640)}       # cells, particles
 SKELETONS = {"caped_man": (17 * 41, 17, 19, 3273), "bone_cape": (41 * 21, 41, 3, 642)}     # points, pinned, joints, skinned
 RODS = {"shaken_head": (140, 18)}                                      # strands, points of each

@@ -1,7 +1,13 @@
 """The example scenes of fluids; python -m tools.scenes writes them."""
 
+from math import pi, sin
+
+import numpy as np
+
+from tools.scenes.cloth import cloth, material
 from tools.scenes.rigid import body
-from tools.usda import block, ground, moved, number, scene, settings, solid
+from tools.usda import block, ground, moved, number, pin, scene, settings, solid
+from wsim.scene import shapes
 
 AIR = ("A box of air on a grid of cubes. Its smoke, temperature and velocity are written as a Volume beside the layer, an "
        "OpenVDB file a frame.")
@@ -66,6 +72,33 @@ def shown(name: str, size, at, comment: str) -> str:
     place = ", ".join(number(v) for v in at)
     return block("Cube", name, f"double size = 1\ndouble3 xformOp:translate = ({place})\nfloat3 xformOp:scale = ({scale})\n"
                  'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]', comment=comment)
+
+
+def waved_flag() -> str:
+    """To and fro in smoke, 50 degrees to each side in 1.6 s; a bar above holds it out, as it would hang else."""
+    nx, ny = 18, 12
+    surface = shapes.sheet(0.6, 0.4, nx, ny, at=(0.3, 0.6, 0.0))
+    keys = ", ".join(f"{f}: {number(50.0 * sin(2.0 * pi * f / 38.4))}" for f in range(0, 97, 2))
+    wood = "\ncolor3f[] primvars:displayColor = [(0.45, 0.4, 0.35)]"
+    pole = block("Cylinder", "Pole", 'uniform token axis = "Y"\ndouble radius = 0.012\ndouble height = 1\n'
+                 + moved(-0.012, 0.5, 0.0) + wood, comment="To be seen only.")
+    bar = block("Cylinder", "Bar", 'uniform token axis = "X"\ndouble radius = 0.008\ndouble height = 0.62\n'
+                + moved(0.31, 0.808, 0.0) + wood)
+    mast = block("Xform", "Mast", f"double xformOp:rotateY.timeSamples = {{ {keys} }}\n"
+                 f'uniform token[] xformOpOrder = ["xformOp:rotateY"]\n{pole}\n{bar}', comment="What the flag hangs on.")
+    held = [*range(nx + 1), *(np.arange(1, ny + 1) * (nx + 1))]
+    air = domain((-0.4, 0.0, -0.8), (0.9, 1.2, 0.8), 0.05, sides("open", "open", "closed", "open", "open", "open"))
+    fire = source("Fire", ("Sphere", "double radius = 0.1"), (0.35, 0.05, 0), "uniform bool wsim:fluid:hold = true\n"
+                  "double wsim:fluid:smoke = 3\ndouble wsim:fluid:temperature = 60", "Smoke that is 60 K warm rises from the "
+                  "floor.")
+    return scene("A flag is waved to and fro in rising smoke, which the wind that it makes stirs.", [
+        settings(comment="There is no other wind: the flag feels air at rest, by its drag and lift.", substeps=40, iterations=2,
+                 air_density=1.2),
+        material("cotton"), air, fire,
+        cloth("Flag", surface, "cotton", (0.1, 0.3, 0.65), "A wall that moves, for the air: it takes it along, and none goes "
+              "through.", drag=0.6, lift=0.6),
+        mast, pin("Rope", "/World/Flag", held, "/World/Mast", "The edges along the pole and its bar."),
+        view(0.3, 0.55, 3.4)], frames=96)
 
 
 def vortex_pair() -> str:
@@ -145,5 +178,5 @@ def floating_boxes() -> str:
         frames=96)
 
 
-FLUID_SCENES = {"plume": plume, "smoke_rings": smoke_rings, "vortex_pair": vortex_pair, "cavity": cavity,
-                "dam_break": dam_break, "floating_boxes": floating_boxes}
+FLUID_SCENES = {"plume": plume, "smoke_rings": smoke_rings, "waved_flag": waved_flag, "vortex_pair": vortex_pair,
+                "cavity": cavity, "dam_break": dam_break, "floating_boxes": floating_boxes}

@@ -104,15 +104,6 @@ class Clock:
             return (np.arange(self.substeps) + (1.0 if ends or m.explicit else m.nodes[0])) * self.h
         return ((np.arange(self.steps)[:, None] + np.array([*m.nodes] + [1.0] * ends)) * (m.solves * self.h)).ravel()
 
-    def paces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times [s] in a frame for which damping of explicit steps sees velocities of pins, a row an evaluation of forces, and
-        on which side of a time where they jump: -1 before it, 1 after it, 0 the mean of both."""
-        m = self.integrator
-        last = np.arange(m.forces) == m.forces - 1
-        side = np.where(last, 1, -(np.array(m.after) == 1.0).astype(int)) if m.stages else np.zeros(1, int)
-        times = (np.arange(self.substeps)[:, None] + np.array(m.after)) * self.h
-        return times.ravel(), np.tile(side, self.substeps)
-
     def acting(self) -> np.ndarray:
         """Times [s] in a frame at which forces are evaluated: where an implicit integrator solves, a row a substep; of explicit
         ones every half of a substep."""

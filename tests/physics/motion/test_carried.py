@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Box, Scene
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
@@ -38,11 +37,10 @@ def exact(damping: float, kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(("integrator", "solver", "order", "least", "damping", "kind"), first_and_slow([
-    ("rk4", "explicit", 4, 8, 0.02, "catmull_rom"), ("rk4", "explicit", 4, 8, 0.0, "catmull_rom"),
-    ("rk4", "explicit", 4, 8, 0.02, "linear"), ("midpoint", "explicit", 2, 8, 0.02, "catmull_rom"),
-    ("leapfrog", "explicit", 2, 8, 0.0, "catmull_rom"), ("leapfrog", "explicit", 2, 8, 0.02, "catmull_rom"),
-    ("leapfrog", "explicit", 2, 8, 0.02, "linear"), ("backward_euler", "xpbd", 1, 64, 0.0, "catmull_rom"),
-    ("bdf2", "implicit", 2, 16, 0.02, "catmull_rom"), ("implicit_midpoint", "implicit", 2, 8, 0.02, "catmull_rom"),
+    ("rk4", "explicit", 4, 8, 0.0, "catmull_rom"), ("rk4", "explicit", 4, 8, 0.0, "linear"),
+    ("midpoint", "explicit", 2, 8, 0.02, "catmull_rom"), ("leapfrog", "explicit", 2, 8, 0.0, "catmull_rom"),
+    ("backward_euler", "xpbd", 1, 64, 0.0, "catmull_rom"), ("bdf2", "implicit", 2, 16, 0.02, "catmull_rom"),
+    ("implicit_midpoint", "implicit", 2, 8, 0.02, "catmull_rom"),
     ("sdirk3", "implicit", 3, 8, 0.0, "catmull_rom")]))
 def test_what_hangs_on_a_spline_converges_with_the_order_of_the_integrator(integrator, solver, order, least, damping, kind):
     x, v = exact(damping, kind)
@@ -58,25 +56,6 @@ def test_what_hangs_on_a_spline_converges_with_the_order_of_the_integrator(integ
     np.testing.assert_allclose(sim.positions("/net")[0], path.at(at)[:3, 3], atol=1e-12)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("integrator", ["leapfrog", "rk4"])
-def test_one_pass_on_a_cpu_and_launches_see_the_same_velocities_of_pins(integrator, monkeypatch):
-    """Springs march in one pass (leapfrog), or are gathered by points as on a GPU."""
-    ends, place = [], ForceGather.place
-
-    def gathered(self, ids):
-        self.added = False
-        place(self, ids)
-    for gathers in (False, True):
-        if gathers:
-            monkeypatch.setattr(ForceGather, "place", gathered)
-        sim = Simulation(carried(8, integrator, "explicit", 0.02), **DOUBLE)
-        assert sim.plan.method("explicit").marches is (integrator == "leapfrog" and not gathers)
-        sim.run(FRAMES)
-        ends.append(np.concatenate([sim.positions("/net"), sim.velocities("/net")]))
-    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-12)
-
-
 def table(substeps: int, integrator: str, solver: str, way: np.ndarray) -> Simulation:
     """A point that lies on a rough table, carried along `way`."""
     scene = Scene(fps=FPS, frames=FRAMES, substeps=substeps, integrator=integrator, solver=solver)
@@ -87,9 +66,10 @@ def table(substeps: int, integrator: str, solver: str, way: np.ndarray) -> Simul
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("integrator", "solver"), [("leapfrog", "explicit"), ("backward_euler", "xpbd"), ("bdf2", "xpbd")])
+@pytest.mark.parametrize(("integrator", "solver", "order"), [("leapfrog", "explicit", 2), ("backward_euler", "xpbd", 1),
+                                                            ("bdf2", "xpbd", 1)])
 @pytest.mark.parametrize("axis", [0, 1], ids=["along", "up"])
-def test_velocities_and_impulses_of_a_carried_table_converge_to_those_of_its_curve(integrator, solver, axis):
+def test_velocities_and_impulses_of_a_carried_table_converge_to_those_of_its_curve(integrator, solver, order, axis):
     """The impulse that the point has got is m (v + g t): along by friction, up by the contact itself."""
     way = np.zeros((4, 3))
     way[:, axis] = 0.0, 0.4, -0.3, 0.5                         # at most 6.8 m/s^2 in between: it stays on the table
@@ -103,4 +83,4 @@ def test_velocities_and_impulses_of_a_carried_table_converge_to_those_of_its_cur
                 off.append(np.abs(sim.velocities("/net")[0] - curve.velocities(sim.time)[0][0]).max())
         errors.append(max(off))
     seen = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
-    assert errors[-1] < 0.05 and seen.min() > 0.8, (errors, seen)
+    assert errors[-1] < 0.05 and seen.min() > order - 0.2, (errors, seen)

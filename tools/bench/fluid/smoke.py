@@ -95,11 +95,10 @@ def pressure(n: int, args, ball: bool) -> dict:
     domain.pressure.tolerance = 1e-6
     for a in range(3):
         method.field(0, "uvw"[a]).assign(rng.standard_normal(layout.faces(a)).ravel().astype(sim.model.dtype))
-    openings = domain.obstacles.openings() if ball else None
-    before = np.linalg.norm(divergence(domain.fluid, layout, method.arrays(0), openings))
+    before = np.linalg.norm(divergence(domain.fluid, layout, method.arrays(0), domain.obstacles))
     domain.pressure.solve(domain.u)
     domain.pressure.project(domain.u, domain.u)
-    after = np.linalg.norm(divergence(domain.fluid, layout, method.arrays(0), openings))
+    after = np.linalg.norm(divergence(domain.fluid, layout, method.arrays(0), domain.obstacles))
     return {"iterations": int(domain.words["solves"].numpy()[1]), "missed": int(domain.words["missed"].numpy()[0]),
             "left": float(after / before)}
 

@@ -55,6 +55,9 @@ class Shifted(Motion):
         M[:3, 3] += [np.interp(f, np.arange(len(self.shift)), axis) for axis in self.shift.T]
         return M
 
+    def sampled(self, t) -> np.ndarray:
+        return np.stack([self.at(one) for one in np.atleast_1d(t)])
+
 
 class Shift(Input):
     """The shift and turn that is added to a collider's motion."""

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source
-from wsim.scene import Plane, Problem, Scene, Surface
+from wsim.physics.fluid.shells import meets
+from wsim.scene import Plane, Problem, Scene, Springs, Surface
 from wsim.scene.check.objects import error, number, rigid, surface, warning
 from wsim.scene.solids import row
 
@@ -36,6 +37,7 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
     if fluid.pressure == "direct" and scene.colliders:
         yield error(path, f"its pressure is solved directly, and {scene.colliders[0].path} is an obstacle in it",
                     "multigrid or auto", "leave it on auto")
+    yield from _unmet(fluid, scene)
     yield from number(path, "steps", fluid.steps, 0)
     yield from number(path, "most_steps", fluid.most_steps, 1)
     yield from number(path, "margin", fluid.margin, 0.0)
@@ -60,6 +62,18 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
         if not moved:
             yield warning(path, "nothing moves its air: no source, no wind, nothing at the start", "one of them",
                           "add a Source, or wind")
+
+
+def _unmet(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
+    """What goes through its air and is no wall in it."""
+    for thing in (*scene.bodies(), *scene.things("Body")):
+        if isinstance(thing, Springs) or not meets(fluid):
+            why = ("a net, which has no surface" if isinstance(thing, Springs) else
+                   "solved directly" if fluid.pressure == "direct" else "solved in a part")
+            yield warning(fluid.path, f"{thing.path} passes through its air, as it is {why}",
+                          "cloth, soft and rigid bodies in air that is solved by multigrid, all of it",
+                          "go on where that is enough")
+            return
 
 
 def _part(fluid: Fluid) -> Iterator[Problem]:

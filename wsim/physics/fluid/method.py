@@ -20,7 +20,7 @@ from wsim.physics.fluid.grid.shapes import kinds
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.measure import centered, measures
 from wsim.physics.fluid.objects import Fluid, Source
-from wsim.physics.fluid.shells import shells
+from wsim.physics.fluid.shells import meets, sheets, shells
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Sample
 from wsim.scene.values.coverage import refuse
@@ -47,17 +47,12 @@ def reaching(fluid: Fluid, scene) -> list[Source]:
     return [s for s in scene.things("Source") if s.fluid in ("", fluid.path)]
 
 
-def met(fluid: Fluid, scene) -> list:
-    """Shells of the rigid bodies that push it and are pushed: not through a window that moves, nor a direct solve."""
-    return shells(scene) if fluid.margin == 0.0 and fluid.pressure != "direct" else []
-
-
 class Fluids(Method):
     """`domains`: one for each fluid of each world."""
 
     def __init__(self, b):
         super().__init__("fluid")
-        self.model, self.scene, self.status, self.base = b.model, b.scene, b.status, b.clock.substeps
+        self.model, self.scene, self.status, self.state, self.base = b.model, b.scene, b.status, b.state, b.clock.substeps
         self.pairs = [(fluid, world) for world in range(b.model.worlds) for fluid in b.scene.things("Fluid")]
         memory.refuse([fluid for fluid, _ in self.pairs], b)
         self.layouts = [Layout.of(fluid) for fluid, _ in self.pairs]
@@ -83,6 +78,8 @@ class Fluids(Method):
                 for name in ("layers", "margin", "conserve"):
                     if getattr(fluid, name):
                         raise refuse(name, fluid.path, name=name)
+                if meets(fluid) and sheets(b.model):
+                    raise refuse("walls", fluid.path, name=sheets(b.model)[0].path)
             from wsim.physics.fluid.recorded import Recorded
             self.offers["recorded fluids"] = self.recorded = Recorded(self)
         phase = "pose" if any(d.floating for d in self.domains) else "predict"     # before that of the bodies
@@ -139,8 +136,11 @@ class Fluids(Method):
             from wsim.physics.fluid.window import Window
             self.windows[k] = Window(self, k, sources)
             return self.windows[k].domain
-        bodies = met(fluid, self.scene) if self.rigid else []
-        domain = Domain(self.threads, fluid, world, [*self.scene.colliders, *bodies], sources, u, scalars)
+        bodies = shells(self.scene) if self.rigid and meets(fluid) else []
+        cloth = sheets(self.model, world) if meets(fluid) else []
+        domain = Domain(self.threads, fluid, world, [*self.scene.colliders, *bodies, *cloth], sources, u, scalars)
+        if domain.obstacles:
+            domain.obstacles.shapes.state = self.state
         if bodies:
             domain.float(self.rigid)
         return domain
@@ -228,9 +228,9 @@ class Fluids(Method):
         found: dict[str, float] = {}
         for k, domain in enumerate(self.domains):
             if domain.world == 0:
-                openings = domain.obstacles.openings() if domain.obstacles and self.settled else None
+                obstacles = domain.obstacles if self.settled else None
                 arrays = self.windows[k].arrays() if k in self.windows else self.arrays(k)
-                for name, value in measures(domain.fluid, domain.layout, arrays, openings).items():
+                for name, value in measures(domain.fluid, domain.layout, arrays, obstacles).items():
                     both = max if name in ("fluid_speed", "fluid_divergence") else sum
                     found[name] = both([found.get(name, 0.0), value])
         said = {name: self.status.said(f"fluid: {name}") for name in WORDS}
@@ -292,5 +292,6 @@ def signature(b) -> list:
                           [s.velocity is not None for s in reaching(f, b.scene)], kinds(reaching(f, b.scene)))
                          for f in b.scene.things("Fluid")]
     moved = any(c.motion.moves for c in b.scene.colliders)
-    bodies = [] if b.model.gradients else [s for f in b.scene.things("Fluid") for s in met(f, b.scene)]
-    return [sorted({str(f) for f in fluids}), kinds([*b.scene.colliders, *bodies]), moved, *["bodies"] * bool(bodies)]
+    some = any(meets(f) for f in b.scene.things("Fluid"))
+    bodies, cloth = shells(b.scene) if some and not b.model.gradients else [], sheets(b.model) if some else []
+    return [sorted({str(f) for f in fluids}), kinds([*b.scene.colliders, *bodies, *cloth]), moved, *["bodies"] * bool(bodies)]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wsim.physics.fluid.objects import Fluid
 from wsim.scene import Surface
 from wsim.scene.curve import Motion
 from wsim.scene.solids import Plane, Shape
@@ -24,6 +25,11 @@ class Shell:
     shape: Shape
     motion: Motion
     body: int
+
+
+def meets(fluid: Fluid) -> bool:
+    """Whether smoke meets bodies and cloth: not in a part that follows it, nor by a direct solve."""
+    return fluid.margin == 0.0 and fluid.pressure != "direct"
 
 
 def shells(scene) -> list[Shell]:

@@ -103,7 +103,7 @@ class Explicit(Method):
         launches = self.integrator.forces * (1 + pull.launches + self.acts)
         if self.steps:
             self.correct, self.settle = kernels.correct(real, module), kernels.settle(real, module)
-            self.change = wp.zeros(model.points, dtype=types(real).vec3, device=model.device)
+            self.change, self.earlier = (wp.zeros(model.points, dtype=types(real).vec3, device=model.device) for _ in range(2))
             beside(model, "wsim.physics.motion.points", "CorrectAdjoint", model, self.correct)
             self.stages = [Stage("start", "pose", self.resume, 2, 0, "frame", "displacements are zero"),
                            Stage(self.integrator.name, "predict", self.predict, launches + 1, size, what=what),
@@ -190,7 +190,7 @@ class Explicit(Method):
             self.pull.launch(source, s.x, self.pair)
             reach, first, rows = m.after[number], clock.k * self.stride, self.stride and m.moments.index(m.after[number])
             part = filled(self.staged.parts(self.model.real), c=reach * clock.h, b=b * clock.h, h=clock.h, source=source,
-                          row=first + rows, end=first + max(self.stride - 1, 0), pace=clock.k * m.forces + number,
+                          row=first + rows, end=first + max(self.stride - 1, 0), curved=int(m.moments == (0.5, 1.0) and rows),
                           last=int(number == m.forces - 1))
             self.model.launch(self.kernel, n * self.pull.lanes, [self.net, self.pull.force, self.phase(), part],
                               [self.pair, s.v, self.carry, self.own])
@@ -244,11 +244,13 @@ class Explicit(Method):
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:
             self.model.copy(s.r, self.carry, 0, 0, self.model.points)
+        if clock.k == clock.substeps - 2 and len(self.integrator.steps) == 2:
+            self.model.copy(self.earlier, self.change)
         if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
             self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
             self.impacts(self.change)
-            self.model.launch(self.settle, self.model.points, [s.b, self.change, s.v, 0.5], [s.v])
+            self.model.launch(self.settle, self.model.points, [s.b, self.change, self.earlier, s.v, 0.5], [s.v])
 
     def spring_tables(self) -> list:
         from wsim.physics.cloth.springs import SpringTable
@@ -268,7 +270,6 @@ class Explicit(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.pins is not None:
             self.target = self.net.target = self.pins.target["hard"]
-            self.net.rate = self.pins.rate
         for each in filter(None, (self.at_once, self.free)):
             each.send(clock)
 

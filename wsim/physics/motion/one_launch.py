@@ -53,8 +53,7 @@ class OneLaunch:
 
     def key(self, clock: Clock) -> tuple:
         """Key of what the arguments of `walk` are made of."""
-        return clock.substeps, clock.h, self.method.stride, *(array.ptr if array else 0
-                                                              for array in (self.method.target, self.method.net.rate))
+        return clock.substeps, clock.h, self.method.stride, 0 if self.method.target is None else self.method.target.ptr
 
 
 def whole_frames(method, size: int, what: str) -> tuple[OneLaunch, Stage]:

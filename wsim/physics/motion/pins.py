@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from wsim.physics.motion.points import Points
     from wsim.simulation.methods import Build
 
-BESIDE = 1e-9          # [s] how far before or after a time the velocity on that side of it is taken
-STEP = 1e-6            # [s] over which places on a skin give its velocity: its joints have none of their own
-
 
 def build(b: Build) -> Pins:
     return Pins(b.model, b.state, b.methods.find("points"), b.choice.integrator.explicit)
@@ -45,29 +42,19 @@ class _Pinned:
         """Places of its points at `time` [s], relative to the body's origin [m]."""
         return self.motion.points(self.locals, time) - self.body.origin
 
-    @property
-    def paced(self) -> bool:
-        """True if the velocities of its places are known at any time."""
-        return getattr(self.motion, "paced", hasattr(self.motion, "rate"))
-
-    def speed(self, times: np.ndarray) -> np.ndarray:
-        """Velocities of its points at times (n,) [s], [m/s], (n, points, 3)."""
-        rate = self.motion.rate(times)
-        return self.locals @ rate[:, :3, :3].swapaxes(1, 2) + rate[:, None, :3, 3]
-
-    def speeds(self, times: np.ndarray, side: np.ndarray) -> np.ndarray:
-        """Velocities as `speed` has them: before times where they jump (side -1), after them (1), or the mean of both (0)."""
-        early, late = times + BESIDE * np.where(side > 0, 1, -1), times + BESIDE * np.where(side < 0, -1, 1)
-        if hasattr(self.motion, "follow"):
-            return self.motion.speeds(times - STEP * (side <= 0), times + STEP * (side >= 0))
-        return 0.5 * (self.speed(early) + self.speed(late))
+    def speed(self, time: float) -> np.ndarray:
+        """Velocities of its points at `time` [m/s], (points, 3)."""
+        rate = self.motion.rate(time)[0]
+        return self.locals @ rate[:3, :3].T + rate[:3, 3]
 
     def table(self, times: np.ndarray) -> np.ndarray:
         """Places as `targets` has them, at times (n,) [s]: (n, points, 3)."""
         if hasattr(self.motion, "follow"):
             return self.motion.over(times) - self.body.origin
+        if not hasattr(self.motion, "sampled"):                # a table of places
+            return np.stack([self.targets(time) for time in times])
         M = self.motion.sampled(times)
-        if getattr(self.motion, "plain", True):
+        if self.motion.plain:
             if (M[:, :3, :3] == M[0, :3, :3]).all():
                 return self.locals @ M[0, :3, :3].T + M[:, None, :3, 3] - self.body.origin
             return np.stack([self.targets(time) for time in times])
@@ -80,11 +67,6 @@ class Following:
     def __init__(self, follow, ends: np.ndarray):
         """follow: a `wsim.physics.animation.objects.Follow`; ends: points that each of those between is the middle of."""
         self.follow, self.ends, self.plain = follow, ends, True
-        self.paced = not follow.skin.skeleton.bodies          # joints that bodies drive are known where those are
-
-    def speeds(self, early: np.ndarray, late: np.ndarray) -> np.ndarray:
-        """Mean velocities between times (n,) [s], [m/s], (n, points, 3)."""
-        return (self.over(late) - self.over(early)) / (late - early)[:, None, None]
 
     @property
     def moves(self) -> bool:
@@ -131,8 +113,6 @@ class Pins(Method):
                 self.target[kind] = wp.zeros((1, len(places)), dtype=t.vec3, device=model.device,
                                              requires_grad=model.gradients)
         self.explicit = explicit
-        self.paced = False                    # explicit steps ask for the velocities of hard pins: something damps
-        self.rate: wp.array | None = None     # of them [m/s], (`Clock.paces`, points); None: not known, or they stand still
         if self.groups["hard"] and not explicit:
             self.move = kernels.move_pins(real, module)
             n = self.place["hard"].size
@@ -178,9 +158,7 @@ class Pins(Method):
         return any(p.motion.moves for g in self.groups.values() for p in g)
 
     def meet(self, others: Methods) -> None:
-        """Soft pins act within Newton steps, where there are some; explicit steps that damp see velocities of hard ones."""
-        gather = others.find("gather")
-        self.paced = bool(self.explicit and gather and gather.damped) and not self.model.gradients
+        """Soft pins act within Newton steps, where there are some."""
         terms, adjoint = others.find("terms"), others.find("adjoint")
         if terms is None or not self.groups["soft"]:
             return
@@ -227,8 +205,7 @@ class Pins(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = self.moves
         if self.carried:
-            ends = np.array([time + clock.dt])
-            self.speed.assign(np.concatenate([p.speed(ends)[0] for p in self.carried]).astype(self.model.dtype))
+            self.speed.assign(np.concatenate([p.speed(time + clock.dt) for p in self.carried]).astype(self.model.dtype))
         at = {kind: clock.moments(kind == "hard") for kind in self.target}      # a soft pin pulls at the solved positions
         if self.explicit and not moves and not self.groups["soft"]:
             at = {kind: moments[:1] for kind, moments in at.items()}
@@ -243,25 +220,6 @@ class Pins(Method):
                     self.moved = True                      # a graph has the array before, and how many rows it has
                 else:
                     self.target[kind].assign(values.astype(self.model.dtype))
-        if self.paced:
-            self.pace(time, clock)
-
-    def pace(self, time: float, clock: Clock) -> None:
-        """Sends the velocities of hard pins in a frame, and gives points those of its start where a run begins."""
-        group = self.groups["hard"]
-        if not (self.moves and group and all(p.paced for p in group)):
-            self.rate = None
-            return
-        times, side = clock.paces()
-        values = np.concatenate([p.speeds(time + times, side) for p in group], axis=1)
-        if self.rate is None or self.rate.shape != values.shape[:2]:
-            self.rate = self.model.upload(values, types(self.model.real).vec3)
-        else:
-            self.rate.assign(values.astype(self.model.dtype))
-        if clock.starting:
-            v = self.state.v.numpy()
-            v[self.place["hard"].numpy()] = np.concatenate([p.speeds(np.array([time]), np.ones(1))[0] for p in group])
-            self.state.v.assign(v)
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """motion of a pin: a Motion or a (4, 4) matrix; it takes effect with the next frame."""

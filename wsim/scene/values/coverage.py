@@ -217,12 +217,16 @@ REFUSED: dict[str, Refused] = {
     "idle": Refused("air in which no point moves", "nothing that moves here knows {name}; leave it out"),
     "surface": Refused("surfaces in air where no collider moves", "is no obstacle of air in which one moves: its surface has "
                        "no velocity with a derivative"),
+    "forming": Refused("surfaces in air of meshes whose points move", "is a mesh whose points move: its surface in the air has "
+                       "no derivative; take one that moves as a whole"),
     "layers": Refused("layers along the walls of a fluid", "resolves layers along its walls, which has no derivative; leave "
                       "its {name} False"),
     "margin": Refused("the part of a fluid that follows its smoke", "solves a part of its air alone, which has no derivative "
                       "where that changes; leave its {name} 0"),
     "conserve": Refused("smoke that keeps its sum", "keeps the sum of what its air carries, which has no derivative; leave its "
                         "{name} False"),
+    "walls": Refused("smoke in which cloth and soft bodies are walls", "has {name} in its air as a wall, and smoke has no "
+                     "derivative by what cloth does; take one of them out of the scene"),
     "still": Refused("values of fluids and sources of which nothing runs", "nothing of its {name} runs: {why}"),
     "load": Refused("loads that there are not", "there is no load; give the scene one"),
     "pin": Refused("anything but stiffness and damping of a soft pin", "is no soft pin with a derivative with respect to "

@@ -7,6 +7,7 @@ import numpy as np
 from wsim.kernels.fluid.adjoint import covering as kernels
 from wsim.physics.fluid.adjoint.launches import AIR, ROWS
 from wsim.physics.fluid.grid.domain import LIVE
+from wsim.physics.fluid.grid.shapes import forms
 from wsim.physics.fluid.measure import NAMES
 from wsim.scene.values.coverage import refuse
 
@@ -104,6 +105,8 @@ class FluidGradient:
             things = domain.obstacles.shapes.things if domain.obstacles and domain.obstacles.moving else []
             for j, thing in enumerate(things if domain.world == world else ()):
                 if thing.path == path:
+                    if forms(thing):
+                        raise refuse("forming", path)
                     found += np.stack([frame[k][-1][j][:6].reshape(2, 3) for frame in self.frames])
         if not any(thing.path == path for d in self.method.domains if d.obstacles and d.obstacles.moving
                    for thing in d.obstacles.shapes.things):

@@ -62,9 +62,8 @@ class Domain:
         self.tiles = self._tiles() if scalars and fluid.scalar_advection not in PAIRS else None
         self.sources = (Sources(threads, layout, self.grid, sources, corner, fluid.cell, scalars, self.tiles) if sources else
                         None)
-        open_, solid = (self.obstacles.open, self.obstacles.solid) if self.obstacles else (None, None)
         expansion = self.sources.expansion if self.sources else None
-        self.pressure = Pressure(threads, layout, self.grid, open_, solid, expansion, self.work, self.words)
+        self.pressure = Pressure(threads, layout, self.grid, self.obstacles, expansion, self.work, self.words)
         self.pressure.tolerance = fluid.tolerance
         self.viscosity = (Viscosity(threads, self.pressure, (fluid.slip, fluid.layers), self.work, self.sizes, self.words)
                           if fluid.viscosity > 0.0 else None)

@@ -62,6 +62,10 @@ class Layout:
         behind = on if self.periodic[axis] else np.delete(on, -1, axis=axis)
         return 0.5 * (ahead + behind)
 
+    def outflow(self, u: np.ndarray, axis: int) -> np.ndarray:
+        """Difference of a component (faces) across each cell (n)."""
+        return np.roll(u, -1, axis) - u if self.periodic[axis] else np.diff(u, axis=axis)
+
     def faced(self, values: np.ndarray, axis: int) -> np.ndarray:
         """Values at the centres (n) on the faces of an axis: means of both sides."""
         values = np.asarray(values, np.float64).reshape(self.n)

@@ -44,6 +44,10 @@ class Obstacles:
             out = getattr(self.solid, AXES[a])
             self.threads.over(kernel, out.size, [self.grid, self.shapes.table, self.clock], [out, self.body[a]])
 
+    def solids(self) -> list[np.ndarray]:
+        """Velocities [m/s] of what covers the faces of each axis now, on the host."""
+        return [getattr(self.solid, AXES[a]).numpy() for a in range(self.layout.dim)]
+
     def openings(self) -> list[np.ndarray]:
         """Open parts of the faces of each axis now, on the host."""
         return [getattr(self.open, AXES[a]).numpy() for a in range(self.layout.dim)]

@@ -10,11 +10,13 @@ from wsim.kernels.fluid import conjugate, pressure
 from wsim.kernels.fluid.conjugate import CHECK, START, STEP, TURN
 from wsim.kernels.fluid.grid import structs
 from wsim.kernels.fluid.solver import islands, regions
+from wsim.kernels.fluid.solver.divergence import divergence
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.direct import Direct
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
+from wsim.physics.fluid.grid.obstacles import Obstacles
 from wsim.physics.fluid.grid.threads import Threads
 
 MOST = 60                # iterations: the residual falls tenfold in each
@@ -49,19 +51,21 @@ class Conjugate:
 
 
 class Pressure:
-    """open, solid: `Faces` of openings and of the velocities of obstacles, or None. work: arrays of at least as many rows as
-    there are cells, which others use in turn. With "free" among them the solve
-    is direct. region: numbers of the sealed regions, (cells,), -1: none; None: all one."""
+    """obstacles: None where there are none. work: arrays of at least as many rows as there are cells, which others use in turn;
+    with "free" among them the solve is direct. region: numbers of the sealed regions, (cells,), -1: none; None: all one."""
 
-    def __init__(self, threads: Threads, layout: Layout, grid: Any, open: Any, solid: Any, expansion: wp.array | None,
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Obstacles | None, expansion: wp.array | None,
                  work: dict[str, wp.array], words: dict[str, wp.array]):
         real, module, dim = threads.model.real, threads.module, layout.dim
         self.threads, self.layout, self.grid, self.none = threads, layout, grid, filled(structs(real).Faces)
-        self.open, self.solid, self.expansion = open or self.none, solid or self.none, expansion
-        fractions, moving = open is not None, solid is not None
+        open = obstacles.open if obstacles else None
+        fractions, moving = obstacles is not None, obstacles is not None and obstacles.moving
+        self.open, self.expansion = open or self.none, expansion
+        self.solid = obstacles.solid if obstacles and obstacles.moving else self.none
+        forming = obstacles is not None and "forming" in obstacles.shapes.kinds
         self.p, self.r, self.z, self.d, self.w = (work[name][:layout.cells] for name in ("p", "r", "z", "d", "w"))
         self.low, self.high = types(real).vec3(*layout.low), types(real).vec3(*layout.high)
-        self.divergence = pressure.divergence(dim, fractions, moving, expansion is not None, real, module)
+        self.divergence = divergence(dim, fractions, moving, expansion is not None, forming, real, module)
         self.multiply = (conjugate.refine if "free" in work else conjugate.multiply)(dim, fractions, real, module)
         self.project_kernels = [pressure.project(dim, a, fractions, moving, real, module) for a in range(dim)]
         self.multigrid = Multigrid(threads, layout, open, self.z, self.r, "free" not in work)
