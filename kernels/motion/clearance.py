@@ -52,8 +52,6 @@ def movements(real):
     class Movements:
         ball: wp.array(dtype=t.vec4)         # centre in the collider's frame, radius [m]; < 0: it has none, (rows,)
         loss: wp.array(dtype=t.vec2)         # of D: constant [m], and times |x0 - c_0|, (rows,)
-        ahead: real                          # time [s] of a point's speed from which the next frame has contacts
-        soon: wp.array(dtype=int)            # becomes 1 where it has, (1,)
 
     return Movements
 
@@ -118,27 +116,19 @@ def away(kinds: tuple[str, ...], real):
 
 @cache
 def clearance(kinds: tuple[str, ...], real, module):
-    """Kernel over points, before a frame without contacts: the clearance, and no contacts in the slots. A point is marked where
-    that is less than `ahead` [s] at its speed, and what colliders move once more."""
+    """Kernel over points, before a frame without contacts: the clearance, and no contacts in the slots."""
     t, Movements, Slots, of = types(real), movements(real), slots(real), away(kinds, real)
     Rows, Points = tables(real)
 
-    def clearance(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), s: Slots,
+    def clearance(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), s: Slots,
                   room_out: wp.array(dtype=real), struck_out: wp.array(dtype=real)):
         i = wp.tid()
         found = real(FREE)
-        later = real(FREE)
         if points.w[i] > real(0.0):
             o = points.object[i]
             for row in range(c.first[o], c.first[o + 1]):
-                far = of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i])
-                found = wp.min(found, far)
-                later = wp.min(later, far - (m.loss[row][0] - c.gap[row]))
-            least = points.reach[i] + real(2.0) * c.skin
-            found -= least
-            if not m.ahead * wp.length(v[i]) + least <= later:
-                s.mark[i] = NEAR
-                wp.atomic_max(m.soon, 0, 1)
+                found = wp.min(found, of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i]))
+            found -= points.reach[i] + real(2.0) * c.skin
         room_out[i] = found
         s.count[i] = 0
         if struck_out:

@@ -118,7 +118,8 @@ def test_a_sheet_falls_on_a_floor_as_with_contacts_throughout(form, held):
     free, met = Simulation(scene, **CPU), held(scene)
     for sim in (free, met):
         sim.run(24)
-    assert free.forms["repeated"] <= 2 and free.forms["free"] >= 5 and free.forms["met"] >= 5       # it sees the floor coming
+    assert free.forms["repeated"] >= 1 and free.forms["free"] >= 5 and free.forms["met"] >= 5
+    assert free.forms["repeated"] <= 3                                        # it stays with contacts once it has met
     assert np.abs(free.positions() - met.positions()).max() <= (1e-9 if form in WHOLE else 0.0)
     assert free.positions()[:, 2].min() >= 0.0 and free.indicators()["penetration"] == 0.0
 
