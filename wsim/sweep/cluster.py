@@ -205,7 +205,7 @@ class Cluster:
 
     def _another(self) -> dict:
         """A further worker, that is asked what it is."""
-        actor = self.maker.remote(self.given)
+        actor: Any = self.maker.remote(self.given)
         return {actor.hello.remote(): actor}
 
     def _started(self, ref, actor) -> list:

@@ -4,8 +4,8 @@
                                          [--device cuda:0|cpu] [--repeats 2] [--json FILE]
 
 Rates are of the rows after all workers have given their first: before that they start, import and load kernels, once. Sweeps
-of one and of several workers alternate; of each the best rate counts, as others on a machine only take from it. The tables must be
-the same to the bit.
+of one and of several workers alternate; of each the best rate counts, as others on a machine only take from it. The tables
+must be the same to the bit.
 """
 
 import argparse
@@ -53,10 +53,12 @@ def main() -> None:
             best[n], ends = max(best.get(n, 0.0), found), ends or same
             if same != ends:
                 raise SystemExit("the table is not that of one worker")
-            print(f"{n} workers: {3600.0 * found:.0f} rows an hour, {best[n] / best[counts[0]]:.2f} times {counts[0]}", flush=True)
+            print(f"{n} workers: {3600.0 * found:.0f} rows an hour, {best[n] / best[counts[0]]:.2f} times {counts[0]}",
+                  flush=True)
     if args.json:
         said = {"device": hardware(wp.get_device(args.device)), "scene": args.scene, "vary": args.vary,
-                "rows_an_hour": {n: 3600.0 * r for n, r in best.items()}, "times": {n: r / best[counts[0]] for n, r in best.items()}}
+                "rows_an_hour": {n: 3600.0 * r for n, r in best.items()},
+                "times": {n: r / best[counts[0]] for n, r in best.items()}}
         Path(args.json).write_text(json.dumps(said, indent=1))
 
 
