@@ -122,7 +122,7 @@ def calm(**more) -> Scene:
 def compared(r: Recording, by: dict, name: str, rel: float = 1e-8) -> None:
     path, _, what = name.rpartition(":")
     found = np.asarray(r.backward(fluids=by).value(path or "/", what))
-    seed = 4 if what == "acceleration" else 3            # along 3 its slope is a thousandth of its parts, and differences noise
+    seed = 4 if what in ("acceleration", "place") else 3   # along 3 slopes are sums that cancel, and noisy
     way = np.random.default_rng(seed).normal(size=found.shape) if found.ndim else np.ones(())
     if what in ("velocity", "gravity", "wind", "place", "acceleration") and r.fluids.method.layouts[0].dim == 2:
         way[..., 2] = 0.0

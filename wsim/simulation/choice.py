@@ -251,7 +251,7 @@ def _within(model: Model, n: int, error: Callable[[float], float]) -> int:
 
 
 def uneven(model: Model) -> bool:
-    """Whether free masses that hold each other differ by more than UNEVEN."""
+    """True if free masses that hold each other differ by more than UNEVEN."""
     pinned = hard_places(model)
     for body in (b for b in model.bodies if b.world == 0):
         masses = body.masses.copy()
@@ -264,7 +264,7 @@ def uneven(model: Model) -> bool:
 
 
 def unfit(model: Model, other: str) -> str:
-    """Why a scene should not be stepped explicitly unless it asks to be, or ""."""
+    """Reason why a scene should not be stepped explicitly unless it asks to be, or ""."""
     if _hard(model):
         return f"tethers or strain limits: {other} solves them and forces together"
     for body in model.bodies:

@@ -146,7 +146,7 @@ class ImplicitAdjoint(Forces):
         wp.capture_while(self.on, lambda: self.step(clock))
 
     def judge(self) -> None:
-        """Whether the solve is to begin once more: it has left more than LOST, the first time."""
+        """Notes if the solve is to begin once more: it has left more than LOST, the first time."""
         self.run("falling", [self.sums[0], self.sums[1], LOST, 1, self.rounds, self.tried], [self.again], 1)
 
     def restart(self, clock) -> None:
