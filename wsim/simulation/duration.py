@@ -1,5 +1,8 @@
 """How long a run takes, in words; a run that takes long is said beforehand."""
 
+from collections.abc import Sequence
+from statistics import median
+
 SLOW = 10.0              # [s] a frame: beyond, a run says so before it starts
 
 
@@ -22,6 +25,14 @@ def long(plan, fps: float | None = None) -> list[str]:
                 f"{_short(plan.seconds)}; a coarser mesh or a GPU (--device cuda:0) takes less"]
     return late + [f"warning: /: {count} {what}: a frame takes about {duration(plan.seconds)}" for what, count in (
         ("substeps a frame", plan.choice.steps), ("iterations a substep", plan.choice.iterations)) if count > MANY]
+
+
+def missed(fps: float | None, times: Sequence[float]) -> list[str]:
+    """Warnings where half of the frames, which took `times` [ms], are longer than so many a second of wall clock allow."""
+    if fps is None or not times or median(times) * fps <= 1e3:
+        return []
+    return [f"warning: /: {fps:g} frames a second were asked for, and half of the frames took {median(times):.3g} ms and more: "
+            "what was predicted does not hold here; ask for as many more"]
 
 
 def expected(plan, frames: int, samples: int = 1) -> str:

@@ -8,6 +8,7 @@ import pytest
 from tools.bench.choice.scenes import Case
 from wsim.scene import Scene, SceneError
 from wsim.simulation import cost
+from wsim.simulation.duration import missed
 from wsim.simulation.predicted import rate
 from wsim.simulation.simulation import Simulation
 from wsim.usd import save
@@ -77,3 +78,14 @@ def test_the_command_line_says_it_and_refuses_what_contradicts(tmp_path, capsys)
     with pytest.raises(SystemExit):
         main(["run", path, "--fps", "60", "--substeps", "3"])
     assert "leave out --substeps, or --fps" in capsys.readouterr().err
+
+
+def test_a_rate_that_was_predicted_and_is_not_held_is_told():
+    """By half of the frames; one long frame is none."""
+    said = missed(60.0, [12.0, 30.0, 29.0, 31.0])
+    assert len(said) == 1 and "60 frames a second were asked for, and half of the frames took 29.5 ms" in said[0]
+    assert missed(60.0, [12.0, 12.0, 90.0]) == missed(None, [90.0]) == missed(60.0, []) == []
+    sim = Simulation(Case("hinges", 24, 5e3).scene, fps=15.0, **CPU)
+    sim.run(2)
+    sim.milliseconds[:] = [100.0, 100.0, 100.0]
+    assert any("half of the frames took 100 ms" in w for w in sim.report()["warnings"])

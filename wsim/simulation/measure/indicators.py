@@ -18,6 +18,7 @@ import warp as wp
 
 from wsim.model.model import Body, edge_lengths
 from wsim.scene import Pin
+from wsim.simulation.duration import missed
 from wsim.simulation.plan import Plan
 
 STILL = 1e-6          # of what gravity would give over the size of a body: less turned over is what float32 leaves of rest
@@ -200,5 +201,5 @@ def report(sim, with_profile: bool = True) -> dict:
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in method.kept()],
-        "skipped": plan.skipped, "warnings": sim.warnings, **limits, **forms,
+        "skipped": plan.skipped, "warnings": [*sim.warnings, *missed(sim.fps, later)], **limits, **forms,
     }
