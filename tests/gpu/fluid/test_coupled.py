@@ -9,6 +9,7 @@ import warp as wp
 
 from tests.physics.fluid import test_bodies, test_window
 from tests.physics.fluid.liquid import test_sheets
+from tests.physics.fluid.obstacles.test_walls import duct
 from wsim.physics.fluid.objects import Fluid
 from wsim.scene import Scene
 from wsim.simulation.simulation import Simulation
@@ -59,3 +60,13 @@ def test_particles_stay_above_a_sheet(on_gpu):
 
 def test_a_box_follows_its_smoke(on_gpu):
     test_window.test_a_part_is_the_same_run_to_run_and_the_whole_where_it_reaches_all_sides()
+
+
+def test_air_round_a_sheet_that_is_moved_is_that_of_a_cpu():
+    ends = []
+    for device in ("cuda:0", "cpu"):
+        scene = duct(("closed",) * 6, speed=0.5, tolerance=1e-10)
+        sim = Simulation(scene, device=device, precision="float64")
+        sim.run()
+        ends.append(sim.plan.method("fluid").arrays(0))
+    assert all(np.abs(ends[0][name] - ends[1][name]).max() <= 1e-6 for name in ends[0])
