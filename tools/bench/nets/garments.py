@@ -4,7 +4,7 @@
                                         [--frames 3,6,12] [--json FILE]
 
 Scenes are those of `scenes/`; the sheet is that of hanging_cloth without damping, shirt_hung the shirt by its collar without its
-dummy, shirt_26k and so on the shirt with triangles cut in four, once, twice, three times. The reference is a float64
+dummy, shirt_26k to _410k the shirt with triangles cut in four, once to three times. The reference is a float64
 trajectory of the same scene by leapfrog at REFINED times the stable substeps: errors are RMS distances of points [m] after the
 frames, a peak is the largest principal stretch of any triangle less 1, over that of the reference. A time is the median over
 frames that are replayed [ms], one device; first_s from the scene to the end of the first frame. SETTINGS has the rows.
