@@ -3,7 +3,7 @@
     python -m tools.bench.nets.garments [--device cuda:0] [--only sheet,shirt_hung] [--settings auto,fused,xpbd400]
                                         [--frames 3,6,12] [--json FILE]
 
-Scenes are those of `scenes/`; the sheet is that of hanging_cloth without damping, shirt_hung the shirt by its collar without its
+Scenes are those of `scenes/`; the sheet is hanging_cloth without damping, shirt_hung the shirt by its collar without its
 dummy, shirt_26k to _410k the shirt with triangles cut in four, once to three times. The reference is a float64
 trajectory of the same scene by leapfrog at REFINED times the stable substeps: errors are RMS distances of points [m] after the
 frames, a peak is the largest principal stretch of any triangle less 1, over that of the reference. A time is the median over
