@@ -11,6 +11,8 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.cloth.constraint import FLAT
+from wsim.kernels.cloth.curvature import SLOTS
 from wsim.kernels.cloth.spring import net
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import sheet_packets as packets
@@ -115,7 +117,7 @@ def code(real, damped: bool, bounded: bool) -> str:
     rates = {"rate": packets.RATE if damped else "", "bend_rate": packets.BEND_RATE if damped else "",
              "fold_rate": packets.FOLD_RATE if damped else "",
              "alone_rate": packets.ALONE_RATE.format(real=name) if damped else ""}
-    numbers = {"thin": packets.THIN, "flat": packets.FLAT, "pi": PI, "sixth": "0.16666666666666666", "slots": packets.SLOTS}
+    numbers = {"thin": packets.THIN, "flat": FLAT, "pi": PI, "sixth": "0.16666666666666666", "slots": SLOTS}
     texts = {"apart": packets.APART, "across": packets.ACROSS, "angles": packets.ANGLES[real], "geometry": packets.GEOMETRY,
              "strain": packets.STRAIN, "forces": packets.TRIANGLES, "curvature": packets.CURVATURE,
              "moments": packets.MOMENTS, "gather": packets.GATHER, "hold": HOLD}
