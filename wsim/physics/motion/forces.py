@@ -8,6 +8,7 @@ world, so that worlds have the bits of one alone; how many threads share a point
 
 from collections.abc import Callable
 from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -26,11 +27,11 @@ from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.motion import cluster
 from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.physics.motion.packets import Packets
-from wsim.physics.motion.sheets import KINDS, Sheets
 from wsim.physics.motion.threads import Abreast, cores, orders, shares
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
 PADDED = 1.5           # entries over springs' ends that padding may cost above
+PACKED = {"membrane", "dihedral"}      # elements that a march on a CPU knows
 
 
 class ForceGather:
@@ -74,8 +75,9 @@ class ForceGather:
         self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device) if model.gradients else None
         self.by_corners: wp.array | None = None       # gradients by their positions, where p is all that is to be known
         self.rates: wp.array | None = None            # and by their velocities
-        self.sheets: Sheets | None = None
+        self.sheets: Any = None
         if packed and not self.unpacked():
+            from wsim.physics.motion.sheets import Sheets
             self.sheets = Sheets(model, flat, self.damped, cores() if alone else 1)
             self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
             self.blocks = self.sheets.blocks
@@ -86,7 +88,7 @@ class ForceGather:
 
     def unpacked(self) -> str:
         """What keeps elements from being taken in packets, or ""."""
-        kinds = sorted({e.kind for e in self.elements if isinstance(e, Elements)} - set(KINDS))
+        kinds = sorted({e.kind for e in self.elements if isinstance(e, Elements)} - PACKED)
         why = {"gradients": self.model.gradients, "a GPU": self.model.device.is_cuda, "no elements": not self.elements,
                "springs beside them": bool(self.springs), "tets": bool(self.tables), ", ".join(kinds): bool(kinds)}
         return ", ".join(what for what, there in why.items() if there)

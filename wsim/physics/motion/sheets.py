@@ -25,7 +25,7 @@ from wsim.physics.motion.threads import Abreast
 if TYPE_CHECKING:
     from wsim.physics.cloth.elements import Elements
 
-KINDS = {"membrane": kernels.TRIANGLE, "dihedral": kernels.HINGE}      # that a march knows, and their points
+POINTS = kernels.TRIANGLE, kernels.HINGE       # of elements
 BLOCK = 8              # groups of EIGHT points of a block, of which the furthest is known
 LEAST = 400            # elements of a thread
 
@@ -85,8 +85,8 @@ class Sheets:
         self.put(order=order, group=group)
         ids = [self.triangles(self.of.get("membrane")), self.hinges(self.of.get("dihedral"))]
         self.gather(ids, len(order))
-        reals = EIGHT * sum(kernels.KEPT[k] * -(-len(i) // EIGHT) for k, i in zip(KINDS.values(), ids, strict=True))
-        forces = sum(EIGHT * k * -(-len(i) // EIGHT) for k, i in zip(KINDS.values(), ids, strict=True))
+        reals = EIGHT * sum(kernels.KEPT[k] * -(-len(i) // EIGHT) for k, i in zip(POINTS, ids, strict=True))
+        forces = sum(EIGHT * k * -(-len(i) // EIGHT) for k, i in zip(POINTS, ids, strict=True))
         curved = len(self.table.count) if self.table.count else 0
         self.space = wp.zeros(kernels.ROWS * self.table.row + forces + curved + 4 + reals // FOUR + 2 * LINE,
                               dtype=types(model.real).vec4, device=model.device)
