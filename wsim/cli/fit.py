@@ -84,7 +84,7 @@ def layers(result: Fit | FieldFit, path: str) -> list[str]:
     return [f"{stem}.{k + 1}{end}" for k in range(len(result.scenes))]
 
 
-def _save(scene: Scene, result: Fit | FieldFit, path: str, k: int) -> list[str]:
+def _save(scene: Scene, result: Fit | FieldFit, path: str, k: int = 0) -> list[str]:
     """Writes the layer of experiment k; names of its parameters that are open."""
     from wsim.usd.result.fitted import save_fitted
     if isinstance(result, Fit):
