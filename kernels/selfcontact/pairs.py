@@ -70,6 +70,7 @@ def lists(real):
         gap: wp.array(dtype=t.scalar)             # least n . (p_i - p_j) there [m]
         least: wp.array(dtype=t.scalar)           # s, the gap that what is written needs [m]
         push: wp.array(dtype=t.vec3)              # accumulated push [m kg]
+        past: wp.array(dtype=t.vec3)              # push of the substep before, 0 in the first of a list [m kg]
         rows: wp.array(dtype=int)                 # pairs that may meet in this substep, (1,): what sweeps are over
         row: wp.array(dtype=int)                  # them
         on: wp.array(dtype=int)                   # 1: takes part in a sweep

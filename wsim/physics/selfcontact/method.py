@@ -8,18 +8,19 @@ before velocities are made of them. Integrators whose substeps end elsewhere tha
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import cut, pairs, rows
-from wsim.model.stage import MET, Clock, Method, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import Guarantee
 from wsim.physics.selfcontact.near import Near
+from wsim.physics.selfcontact.settle import Settle
 from wsim.physics.selfcontact.start import reports
 from wsim.physics.selfcontact.surfaces import Surfaces
 from wsim.scene import Problem, SceneError
@@ -51,6 +52,7 @@ class SelfContact(Method):
         super().__init__("selfcontact")
         self.model, self.state, self.status, self.clock = b.model, b.state, b.status, b.clock
         self.points = b.methods.find("points")
+        self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
         self.surfaces = Surfaces(b.model, self.points.constants.w)
@@ -70,9 +72,10 @@ class SelfContact(Method):
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
         for stage in self.stages:
             stage.frames = MET
+        self.settle = Settle(self)
         self.apart = Apart(self, b)
         self.stages.append(self.apart.stage)
-        self.offers = {"clearance": self.apart}
+        self.offers = {"clearance": self.apart, "self-contact": self}
 
     @property
     def said(self):
@@ -82,6 +85,10 @@ class SelfContact(Method):
     def at(self):
         s = self.state
         return filled(states(self.model.real), x=s.x, e=s.e, d=s.d, a=self.points.anchor)
+
+    def meet(self, others: Methods) -> None:
+        self.contact = others.find("contact")
+        self.settle.meet(others)
 
     def find(self, clock: Clock) -> None:
         """Makes the list if it does not hold on, and looks at where its pairs are."""
@@ -94,21 +101,29 @@ class SelfContact(Method):
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
         if self.within and clock.i == clock.iterations - 1:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))
+        if not self.within or clock.i == clock.iterations - 1:
+            self.settle.gather(clock)
 
     def sweep(self, clock: Clock, count: int) -> None:
-        """Sweeps over all pairs."""
+        """Sweeps over all pairs, each before one of the contacts with colliders, which what is pushed rests on."""
         near, data, at, d, climb = self.near, self.surfaces.data, self.at(), self.state.d, RECOVERY * clock.h
+        calm = rows.CALM * clock.h
         threads = near.pairs.capacity if self.model.device.is_cuda else 1
         for k in range(count):
-            self.model.launch(self.lean, threads, [at, climb, int(k == count - 1), threads, near.pairs], [near.sums])
+            self.model.launch(self.lean, threads, [at, climb, calm, int(k == count - 1), threads, near.pairs], [near.sums])
             self.model.launch(self.press, threads, [data, at, climb, threads, near.pairs], [near.sums])
             self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, d, near.sums], [d])
+            if self.contact:
+                self.contact.project(clock)
 
     def keep(self, clock: Clock) -> None:
         def again() -> None:
             self.near.search(self.at())
             self.guarantee.begin(self.at())
         self.guarantee.keep(self.at(), self.state.d, again, self.said)
+        self.settle.settle(clock)
+        if self.contact and clock.integrator.memory:
+            self.contact.settle(clock)
 
     # around a frame
 
@@ -143,6 +158,7 @@ class SelfContact(Method):
         if wanted <= before:
             return ""
         self.near.room(wanted + wanted // 2)
+        self.settle.room()
         return f"{wanted} pairs of surfaces were near each other, and there was room for {before}"
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
@@ -163,11 +179,16 @@ class SelfContact(Method):
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-        """near_pairs: of surfaces, in the last list; least_gap [m] between them where the last substep began; searches,
-        projected and cut substeps, held ones, of all frames; repeated: frames, for what cuts took."""
+        """near_pairs: of surfaces, in the last list; contacts: those that push; touching: their points; thin: part of them
+        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began; searches, projected and cut substeps, held ones, of
+        all frames; repeated: frames, for what cuts took."""
         near = self.near.pairs
         count = min(int(near.count.numpy()[0]), near.capacity)
+        touch = np.flatnonzero(near.push.numpy()[:count].any(axis=1))
+        points = np.unique(near.ids.numpy()[touch][near.b.numpy()[touch] != 0.0])
+        thin = near.away.numpy()[touch] < 0.5 * near.keep.numpy()[touch]
         total = {name: float(self.total[k]) for name, k in (("searches", cut.SEARCHES), ("projected", cut.PROJECTED),
                                                             ("cut", cut.CUT), ("held", cut.STAYED))}
         gap = {"least_gap": float(near.gap.numpy()[:count].min())} if count else {}
-        return {"near_pairs": float(count), **gap, **total, "repeated": float(self.repeats)}
+        return {"near_pairs": float(count), "contacts": float(len(touch)), "touching": float(len(points)),
+                "thin": float(thin.mean()) if len(touch) else 0.0, **gap, **total, "repeated": float(self.repeats)}
