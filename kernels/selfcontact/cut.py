@@ -10,6 +10,9 @@ round HELD, which rounding alone can lead to, every point of a pair that lacks a
 which needs no proof. Points that pins move are held back like others; the pin takes them on in the next substep.
 
 Motions are only ever made shorter (monotone), by minima, which need no order.
+
+Energy that cuts take is counted as sum m (|d|^2 - |d'|^2) of displacements, beside sum m |d|^2 of all points, so that their
+ratio over h is the part of the kinetic energy that is lost a second; in whole numbers of UNIT, as kernels/selfcontact/pairs.py.
 """
 
 from functools import cache
@@ -19,16 +22,19 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
-from wsim.kernels.selfcontact.tubes import carried, frames
+from wsim.kernels.selfcontact.tubes import ENERGY, carried, frames
 
 KEPT = 0.45
 ALL, HELD, STILL = 8, 9, 10              # rounds from which on: all are cut; pairs without a proof are held; all are
 ROUNDS = 11
 # words that a frame leaves behind: pairs that there was no room for; substeps that were projected, of rounds; cut; most percent
 # of its motion that a point lost; substeps in which all were cut; in which some were held; pairs that began too near, at most;
-# searches; points that were cut; 1: pairs are listed
-WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY = range(11)
-SAID = 11
+# searches; points that were cut; 1: pairs are listed; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and what of
+# it was cut; substeps running in which a point lost more than LOSS of its motion, at most and at the end
+WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY, MOVED, TAKEN, RUN, RUNNING = range(15)
+SAID = 15
+LOSS = 0.05            # of its motion that a point may lose in a substep
+UNIT = 2.0 ** 56       # per kg m^2
 
 
 @cache
@@ -81,6 +87,12 @@ def cut(real, module):
     Surfaces, State, Frames, Sums = pairs.surfaces(real), states(real), frames(real), pairs.sums(real)
     carry = carried(real)
 
+    @wp.func
+    def spend(w: real, before: t.vec3, after: t.vec3, to: Sums):
+        if w > real(0.0):
+            taken = (wp.dot(before, before) - wp.dot(after, after)) / w
+            wp.atomic_add(to.taken, 0, wp.int64(real(UNIT) * taken))
+
     @wp.kernel(module=module, enable_backward=False)
     def cut_motion(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int), to: Sums, d_out: wp.array(dtype=t.vec3),
                    said: wp.array(dtype=int)):
@@ -89,16 +101,22 @@ def cut(real, module):
         factor = to.factor[i]
         to.factor[i] = real(1.0)
         if turn == STILL or (turn == HELD and to.cut[i] == words[pairs.EPOCH]):
+            spend(s.w[i], at.d[i] - at.e[i], t.vec3(), to)
             d_out[i] = at.e[i]
             wp.atomic_max(said, LOST, 100)
+            words[pairs.WORST] = 1
         elif factor < real(1.0):
             rigid = carry(f, (at.x[i] + s.shift[i]) + at.e[i])
             beside = (at.d[i] - at.e[i]) - rigid
+            way = at.d[i] - at.e[i]
+            whole = wp.length(way)
+            spend(s.w[i], way, rigid + factor * beside, to)
             d_out[i] = at.e[i] + (rigid + factor * beside)
-            whole = wp.length(at.d[i] - at.e[i])
             if whole > real(0.0):
                 lost = (real(1.0) - factor) * wp.length(beside) / whole
                 wp.atomic_max(said, LOST, wp.min(int(real(100.0) * lost), 100))
+                if lost > real(LOSS):
+                    words[pairs.WORST] = 1
             wp.atomic_add(said, POINTS, 1)
 
     return cut_motion
@@ -106,11 +124,24 @@ def cut(real, module):
 
 @cache
 def tell(real, module):
-    """Kernel: what a substep needed, to the words of the frame, and the words of the next one."""
-    Pairs = pairs.lists(real)
+    """Kernel: what a substep needed, to the words of the frame, and the words of the next one. moments: sums of the motion
+    (kernels/selfcontact/tubes.py)."""
+    Pairs, Sums = pairs.lists(real), pairs.sums(real)
+
+    @wp.func
+    def more(said: wp.array(dtype=int), k: int, value: float):
+        said[k] = wp.cast(wp.cast(said[k], wp.float32) + value, int)
 
     @wp.kernel(module=module, enable_backward=False)
-    def tell_frame(near: Pairs, words: wp.array(dtype=int), said: wp.array(dtype=int)):
+    def tell_frame(near: Pairs, moments: wp.array2d(dtype=real), to: Sums, words: wp.array(dtype=int),
+                   said: wp.array(dtype=int)):
+        more(said, MOVED, float(moments[0, ENERGY]))
+        more(said, TAKEN, float(wp.float64(to.taken[0]) / wp.float64(UNIT)))
+        to.taken[0] = wp.int64(0)
+        words[pairs.RUN] = wp.where(words[pairs.WORST] > 0, words[pairs.RUN] + 1, 0)
+        words[pairs.WORST] = 0
+        said[RUN] = wp.max(said[RUN], words[pairs.RUN])
+        said[RUNNING] = words[pairs.RUN]
         if near.count[0] > near.capacity:
             wp.atomic_max(said, WANTED, near.count[0])
         rounds = words[pairs.SWEPT]

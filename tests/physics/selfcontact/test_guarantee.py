@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.selfcontact.rig import crossed, crumple, layers, run, said
+from wsim.physics.selfcontact import method
 
 
 def by_substep(scene, frames: int):
@@ -51,3 +52,25 @@ def test_results_are_the_same_from_run_to_run():
         sim.run(3)
         found.append(sim.positions("/sheet"))
     assert np.array_equal(*found)
+
+
+def test_energy_that_cuts_take_is_counted(monkeypatch):
+    """Two sheets that fly at each other, with neither contacts nor projections: cuts alone stop them, and take what is lost; of
+    one substep more and more of the motion, several running."""
+    for name, value in (("SWEEPS", 0), ("LAST", 0), ("ROUNDS", 0), ("LOSS", 1000)):
+        monkeypatch.setattr(method, name, value)
+    scene = layers(2, 3, 0.0125, substeps=1, iterations=1)
+    scene.fps *= 10.0
+    for cloth, sign in zip(scene.cloths, (1.0, -1.0), strict=True):
+        cloth.velocities = np.broadcast_to((0.0, 3.0 * sign, 0.0), cloth.points.shape).copy()
+    sim = run(scene, precision="float64")
+    masses, h = sim.model.stack("masses"), 1.0 / scene.fps
+    kinetic = [0.5 * 9.0 * masses.sum()]
+    for _ in range(8):
+        sim.step()
+        kinetic.append(sim.indicators()["kinetic_energy"])
+    told, lost = said(sim), -np.diff(kinetic)
+    assert crossed(sim) == 0 and told["cut"] > 0 and kinetic[-1] < 0.01 * kinetic[0]
+    wanted = np.sum(kinetic[:-1]) * h                                    # motions of a substep are those of the one before
+    assert told["cut_energy"] == pytest.approx(lost.sum() / wanted, rel=1e-3)
+    assert told["cut_run"] == (lost > 0.1 * np.array(kinetic[:-1])).sum() > 1

@@ -61,7 +61,8 @@ class SelfContact(Method):
         self.guarantee = Guarantee(b.model, self.near)
         self.lean, self.press = rows.lean(real, module), rows.press(real, module)
         self.total = np.zeros(cut.SAID, np.int64)
-        self.frames = self.repeats = 0
+        self.frames = self.repeats = self.run = 0
+        self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
         self.often, self.fresh, self.busy = False, True, True
         self.within = within = b.choice.solver == "xpbd"
         self.sweeps = SWEEPS if within else BEHIND
@@ -164,6 +165,10 @@ class SelfContact(Method):
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         said = status.said(SAID)
         self.total += said
+        self.run = max(self.run, int(said[cut.RUN]))
+        self.near.running = int(said[cut.RUNNING])
+        moved, taken = said[[cut.MOVED, cut.TAKEN]].astype(np.int32).view(np.float32)
+        self.swept, self.taken = self.swept + float(moved) * self.clock.h, self.taken + float(taken)
         self.frames += 1
         first = self.reports if self.frames == 1 else []
         found: list[tuple[tuple, float, str]] = [(("self-contact", "start", k), 0.0, text) for k, text in enumerate(first)]
@@ -180,8 +185,9 @@ class SelfContact(Method):
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """near_pairs: of surfaces, in the last list; contacts: those that push; touching: their points; thin: part of them
-        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began; searches, projected and cut substeps, held ones, of
-        all frames; repeated: frames, for what cuts took."""
+        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began; searches,
+        projected and cut substeps, held ones, of all frames; repeated: frames, for what cuts took; cut_energy: what they took
+        of the kinetic energy a second [1/s]; cut_run: most substeps running in which a point lost more than 5 %."""
         near = self.near.pairs
         count = min(int(near.count.numpy()[0]), near.capacity)
         touch = np.flatnonzero(near.push.numpy()[:count].any(axis=1))
@@ -191,4 +197,6 @@ class SelfContact(Method):
                                                             ("cut", cut.CUT), ("held", cut.STAYED))}
         gap = {"least_gap": float(near.gap.numpy()[:count].min())} if count else {}
         return {"near_pairs": float(count), "contacts": float(len(touch)), "touching": float(len(points)),
-                "thin": float(thin.mean()) if len(touch) else 0.0, **gap, **total, "repeated": float(self.repeats)}
+                "thin": float(thin.mean()) if len(touch) else 0.0, **gap, **total,
+                "repeated": float(self.repeats), "cut_energy": self.taken / self.swept if self.swept else 0.0,
+                "cut_run": float(self.run)}

@@ -35,7 +35,7 @@ class Near:
         self.listed = search.listed(module)
         zeros, n = partial(wp.zeros, device=device), model.points
         self.words = zeros(pairs.WORDS, dtype=int)
-        self.sums = filled(pairs.sums(real), move=zeros(3 * n, dtype=wp.int64), share=zeros(n, dtype=int),
+        self.sums = filled(pairs.sums(real), move=zeros(3 * n, dtype=wp.int64), share=zeros(n, dtype=int), taken=zeros(1, dtype=wp.int64),
                            factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
         self.frames = filled(tubes.frames(real), rigid=zeros(3, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
                              start=zeros(n, dtype=t.vec3), goal=zeros(n, dtype=t.vec3))
@@ -48,7 +48,7 @@ class Near:
         self.groups = [model.upload(surfaces.world[each[:, 0]], int) for each in (surfaces.triangles, surfaces.edges)]
         self.root = [zeros(model.worlds, dtype=int) for _ in range(2)]
         self.age = self.rounds = 0
-        self.epoch = 1
+        self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
         self.room(max(1024, EACH * len(surfaces.points)))
 
     def room(self, capacity: int) -> None:
@@ -68,9 +68,11 @@ class Near:
         words = self.words.numpy()
         words[:] = 0
         words[pairs.SOON], words[pairs.EPOCH], words[pairs.ROUNDS] = 1, self.epoch, self.rounds
+        words[pairs.RUN] = self.running
         self.epoch += EPOCHS
         self.words.assign(words)
         self.sums.share.zero_()
+        self.sums.taken.zero_()
         self.sums.move.zero_()
         self.sums.factor.fill_(1.0)
 
