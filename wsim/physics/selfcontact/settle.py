@@ -32,7 +32,7 @@ class Settle:
             if self.memory:
                 self.kernels["aim"] = settle.aim(real, module)
             vec3 = types(real).vec3
-            self.v, self.given, self.lasting = (wp.zeros(self.model.points, dtype=vec3, device=self.model.device)
+            self.v, self.given, self.lasting = (wp.zeros(method.surfaces.total, dtype=vec3, device=self.model.device)
                                                 for _ in range(3))
             self.room()
 
@@ -55,10 +55,11 @@ class Settle:
     def pairs(self, name: str, inputs: list, outputs: list) -> None:
         self.model.launch(self.kernels[name], self.threads, [*inputs, self.threads], outputs)
 
-    def combine(self, a: float, x: wp.array, b: float, y: wp.array, out: wp.array) -> None:
-        """out = a x + b y, of points of surfaces."""
-        point = self.method.surfaces.data.point
-        self.model.launch(self.kernels["combine"], len(point), [point, a, x, b, y], [out])
+    def combine(self, a: float, x: wp.array, b: float, y: wp.array, out: wp.array, colliders: bool = False) -> None:
+        """out = a x + b y, of points of surfaces. colliders: of theirs, too."""
+        s = self.method.surfaces
+        count = len(s.points) if colliders else s.free["points"]
+        self.model.launch(self.kernels["combine"], count, [s.data.point, a, x, b, y], [out])
 
     def add(self, v: wp.array) -> None:
         method = self.method
@@ -103,13 +104,15 @@ class Settle:
 
     def forget(self, clock: Clock) -> None:
         """No history across a contact: the anchor that gives such velocities, and the velocity before."""
-        s, a, g = self.state, self.method.points.anchor, clock.g
-        for v in (self.v, s.v):
-            self.pairs("aim", [self.method.at(), clock.h], [self.aims])
-            if v is self.v:
-                self.combine(1.0 / g, s.d, -1.0 / g, a, v)
-            self.sweep(v)
-        self.combine(1.0, s.d, -g, self.v, a)
+        s, v, at, g = self.state, self.v, self.method.at(), clock.g
+        self.pairs("aim", [at, clock.h], [self.aims])
+        self.combine(1.0 / g, at.d, -1.0 / g, at.a, v, colliders=True)
+        self.sweep(v)
+        self.combine(1.0, s.d, -g, v, self.method.points.anchor)
+        self.pairs("aim", [at, clock.h], [self.aims])
+        self.combine(1.0, s.v, 0.0, s.v, v)
+        self.sweep(v)
+        self.combine(1.0, v, 0.0, v, s.v)
 
     def half(self, change: wp.array) -> None:
         """Behind leapfrog's last half kick; change: what others changed velocities by in the last substep."""
