@@ -139,7 +139,8 @@ class Cases:
             try:
                 self.target(name, self.scene(file), file)
             except SceneError as error:
-                found |= dict.fromkeys(error.problems)
+                of = "" if file is None or name in (START, FILE) else f" (in {file})"
+                found |= dict.fromkeys(Problem(p.path, p.text + of * (p.path != file)) for p in error.problems)
         return list(found)
 
 

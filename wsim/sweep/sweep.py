@@ -88,6 +88,9 @@ class Sweep:
         """Rows of parts as they end."""
         if not runs:
             return
+        if len(runs) > 1 and self.base.others and self.job.runs == Job.runs:
+            self.said(f"runs go one after another on each worker: worlds of {', '.join(sorted(self.base.others))} share no "
+                      "arrays in a sweep")
         if self.job.settings.remote:
             from wsim.sweep.cluster import Cluster
             with Cluster(self.job) as cluster:

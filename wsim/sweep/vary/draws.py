@@ -51,8 +51,8 @@ class Span:
     def values(self) -> list[tuple]:
         """Values of a grid, both ends as they were given."""
         assert self.count is not None
-        found = self.at(np.linspace(0.0, 1.0, self.count))
-        return [(self.low,), *found[1:-1], (self.high,)] if self.count > 1 else [(self.low,)]
+        spaced = np.linspace if self.kind == "lin" else np.geomspace
+        return [(float(v),) for v in spaced(self.low, self.high, self.count)]
 
 
 @dataclass(frozen=True)
