@@ -116,19 +116,29 @@ def away(kinds: tuple[str, ...], real):
 
 @cache
 def clearance(kinds: tuple[str, ...], real, module):
-    """Kernel over points, before a frame without contacts: the clearance, and no contacts in the slots."""
+    """Kernel over points, before a frame without contacts: the clearance, and no contacts in the slots. Where colliders that go
+    on as they do would leave less of it to the next frame than `ahead` [s] at the present speed, `soon` becomes 1, and the
+    point has a mark: that frame would be repeated."""
     t, Movements, Slots, of = types(real), movements(real), slots(real), away(kinds, real)
     Rows, Points = tables(real)
 
-    def clearance(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), s: Slots,
-                  room_out: wp.array(dtype=real), struck_out: wp.array(dtype=real)):
+    def clearance(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), ahead: real,
+                  s: Slots, room_out: wp.array(dtype=real), struck_out: wp.array(dtype=real), soon_out: wp.array(dtype=int)):
         i = wp.tid()
         found = real(FREE)
+        later = real(FREE)
         if points.w[i] > real(0.0):
             o = points.object[i]
             for row in range(c.first[o], c.first[o + 1]):
-                found = wp.min(found, of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i]))
-            found -= points.reach[i] + real(2.0) * c.skin
+                room = of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i])
+                found = wp.min(found, room)
+                later = wp.min(later, room - (m.loss[row][0] - c.gap[row]))
+            kept = points.reach[i] + real(2.0) * c.skin
+            found -= kept
+            later -= kept
+        if later < ahead * wp.length(v[i]):
+            s.mark[i] = NEAR
+            wp.atomic_max(soon_out, 0, 1)
         room_out[i] = found
         s.count[i] = 0
         if struck_out:
