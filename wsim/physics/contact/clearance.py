@@ -7,9 +7,9 @@ in every substep whether one goes further: then the frame is repeated with conta
 
 Which form is tried first follows from the state alone, so that a restart goes on to the bit: a frame with contacts marks the
 points that touched, or whose clearance where it ended was less than AHEAD frames of their speed, and the next frame has
-contacts again where there is a mark. A frame without contacts marks the points whose clearance would not last for NEXT frames of their
-speed, colliders going on as they do: the next one would be repeated. Where a point of any world or body may meet something, the
-frame has contacts for all.
+contacts again where there is a mark. A frame without contacts marks points whose clearance would not last for NEXT frames of
+their speed, colliders going on as they do: the next one would be repeated. Where a point of any world or body may meet
+something, the frame has contacts for all.
 
 Always with contacts: colliders that throw points back, meshes that deform, so many colliders that a tree finds them, and
 recordings with gradients. Meshes are as large as their bounding balls here.
@@ -55,6 +55,7 @@ class Clearance:
         radius = np.where(np.isfinite(rows.radius), rows.radius, -1.0)
         m.ball = model.upload(np.concatenate([rows.centers(), radius[:, None]], axis=1)[rows.collider], t.vec4)
         m.loss = wp.zeros(len(rows.collider), dtype=t.vec2, device=model.device)
+        m.ahead = NEXT * clock.dt
         self.moves, self.sweeps = m, kernels.sweeps(real, module)
         self.measure, self.near = kernels.clearance(kinds, real, module), kernels.near(kinds, real, module)
         self.stray = None if whole and not contact.points.integrator.stages else kernels.stray(real, module)
@@ -91,8 +92,8 @@ class Clearance:
 
     def begin(self, clock: Clock) -> None:
         c = self.contacts
-        self.model.launch(self.measure, self.model.points, [c.table, c.points, self.moves, self.state.x, self.state.v,
-                                                            NEXT * clock.dt, c.slots],
+        at = c.read(x=self.state.x, v=self.state.v)
+        self.model.launch(self.measure, self.model.points, [c.table, c.points, self.moves, at, c.slots],
                           [self.room, c.struck, self.status.word(SOON)])
 
     def look(self, clock: Clock) -> None:
