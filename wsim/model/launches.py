@@ -22,9 +22,8 @@ class Launches:
     recorder: Any
     fuser: Any
     points: Any
-    # Many substeps of explicit steps in one launch. Off: on an H200 with fewer threads a point than launches it took 0.75
-    # to 0.85 of their time for sheets and the shirt, up to 1.5 of it for soft bodies; with as many threads it is not measured.
-    fuses = False
+    # Many substeps of explicit steps in one launch. None: where it pays (`wsim.physics.fused.fuser.pays`).
+    fuses: bool | None = None
 
     @property
     def block(self) -> int:
