@@ -63,7 +63,8 @@ class Contact(Method):
                         np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
                         model.shared(np.concatenate(each)),
                         np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
-                        np.array([b.reach.min() for b in model.bodies]))
+                        np.array([b.reach.min() for b in model.bodies]),
+                        np.array([getattr(b.source, "self_collision", False) for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
