@@ -64,8 +64,8 @@ def rollers() -> str:
         return solid("Mesh", name, body + "\n" + moved(0, level + sign * (radius + 0.5 * gap), 0, "xformOp:rotateXYZ"), color,
                      "A prism of 48 sides, which turns: 30 cm/s where it meets the cloth. Its edges and corners meet the "
                      "triangles of the cloth, too.", ', "PhysicsMeshCollisionAPI"')
-    table = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\nfloat3 xformOp:scale = (0.3, 0.02, 0.68)\n"
-             + moved(0, level - 0.0115, -0.40, "xformOp:scale"))
+    table = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\n"
+             "float3 xformOp:scale = (0.3, 0.02, 0.68)\n" + moved(0, level - 0.0115, -0.40, "xformOp:scale"))
     return scene("Two rollers that turn pull a cloth from a table through their gap, by friction.", [
         settings(solver="xpbd", substeps=24, iterations=6, air_drag=0.3, comment=TOUCHING),
         material("denim", damping=1e-4),

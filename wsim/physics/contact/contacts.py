@@ -271,8 +271,7 @@ class Contacts:
         count = wp.zeros(lanes, dtype=int, device=self.device)
         deep = wp.zeros(lanes, dtype=self.real, device=self.device)
         kernel_cache.load(gauge.module, self.device)
-        wp.launch(gauge, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes],
-                  [near, count], device=self.device)
+        wp.launch(gauge, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes], [near, count], device=self.device)
         wp.launch(sink, lanes, [self.table, self.points, self.faces, x, self.substeps, lanes], [deep], device=self.device)
         kept, solid = near.numpy().max(axis=0)
         return {"penetration": float(max(solid, deep.numpy().max())), "too_near": float(kept),
