@@ -76,10 +76,9 @@ class Contacts:
         self.kinds = _kinds(self.rows.kind)
         self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin, bodies.whole)
         self.wanted = wp.zeros(1, dtype=int, device=self.device)
-        self.struck = struck
         self.substeps, self.dt = 0, dt
         self.time: float | None = None
-        self.changed = True
+        self.struck, self.changed = struck, True
         self.table = kernels.tables(real)[0]()
         self.tree: Any = None                            # `wsim.physics.contact.broad.Tree`
         if self.rows.balls >= MANY:
@@ -271,7 +270,8 @@ class Contacts:
         count = wp.zeros(lanes, dtype=int, device=self.device)
         deep = wp.zeros(lanes, dtype=self.real, device=self.device)
         kernel_cache.load(gauge.module, self.device)
-        wp.launch(gauge, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes], [near, count], device=self.device)
+        wp.launch(gauge, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes],
+                  [near, count], device=self.device)
         wp.launch(sink, lanes, [self.table, self.points, self.faces, x, self.substeps, lanes], [deep], device=self.device)
         kept, solid = near.numpy().max(axis=0)
         return {"penetration": float(max(solid, deep.numpy().max())), "too_near": float(kept),
