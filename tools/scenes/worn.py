@@ -50,10 +50,10 @@ def worn_shirt() -> str:
                  "no substep ends with triangles that intersect, those of the body among them.")
     there = "prepend references = @assets/unisex_shirt.usd@</root/shirt>\n    "
     return scene("A shirt on a dummy whose bones turn and sway; it passes neither through the body nor through itself.", [
-        settings(solver="xpbd", substeps=96, iterations=2, air_drag=1.0, comment=TOUCHING),
+        settings(solver="xpbd", substeps=128, iterations=2, air_drag=1.0, comment=TOUCHING),
         material("cotton"), worn.replace("prepend apiSchemas", there + "prepend apiSchemas", 1),
         block("SkelRoot", "Dancer", dancer, comment="What skeletons move stands below a SkelRoot."),
-        camera((1.4, 1.6, -2.6), 151.0, -8.0, "From its left front."),
+        camera((0.68, 1.3, -2.05), 162.0, -4.5, "From its left front."),
     ], frames=frames)
 
 
