@@ -54,6 +54,7 @@ SNIPPET = """
         for (int k = 0; k < 3; ++k) z[k] = P[3 * k] * r[0] + P[3 * k + 1] * r[1] + P[3 * k + 2] * r[2];
         if (lane == 0)
             for (int k = 0; k < 3; ++k) room[Q * own + k] = z[k];
+        __syncwarp();
         asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");
         T w[3] = {{0, 0, 0}};
         #pragma unroll

@@ -25,6 +25,8 @@ import warp as wp
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 from tools.bench.nets import membrane  # noqa: E402
+from tools.bench.nets.garments import stable  # noqa: E402
+from tools.bench.nets.reference import kept  # noqa: E402
 from tools.bench.soft.runs import plain  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from tools.bench.suite import commit, write  # noqa: E402
@@ -50,7 +52,7 @@ QUICK_OWN = (("xpbd", "backward_euler", (32, 200), (1,)), ("implicit", "bdf2", (
 def own_settings(stable: int, quick: bool) -> list[dict]:
     rows = [(solver, integrator, substeps, i) for solver, integrator, many, iterations in (QUICK_OWN if quick else OWN)
             for substeps in many for i in iterations]
-    rows += [("explicit", "leapfrog", ceil(k * stable), 1) for k in ((1.0,) if quick else TIMES[:3])]
+    rows += [("explicit", "auto", 1, 1)] + [("explicit", "leapfrog", ceil(k * stable), 1) for k in (() if quick else TIMES[:3])]
     return [dict(zip(("solver", "integrator", "substeps", "iterations"), row, strict=True)) for row in rows]
 
 
@@ -69,23 +71,16 @@ class Problem:
         self.start = self.scene.cloths[0].points.astype(np.float64)
         self.theirs = membrane.Membrane(points, self.triangles, np.asarray(pinned))
         fine = replace(self.scene, solver="explicit", integrator="leapfrog")
-        self.stable = Simulation(replace(fine, integrator="auto", substeps=1), device=device).plan.clock.substeps
-        self.exact, self.known = {}, {}
-        file = Path(folder) / f"membrane_{name}_{len(points)}_{self.stable}_{self.frames}.npz"
-        if file.exists():
-            with np.load(file) as found:
-                self.exact = {side: found[side] for side in ("newton", "wsim")}
-                self.known = {side: float(found[f"{side}_known"]) for side in self.exact}
-            return
-        x, error = self.theirs.exact(self.stable, self.frames, self.frame, 1e-6)
-        self.exact["newton"], self.known["newton"] = x[-1], error
+        self.stable = stable(fine, device)
+        x, error = kept(Path(folder) / f"membrane_{name}_{len(points)}_{self.stable}_{self.frames}.npz",
+                        lambda: self.theirs.exact(self.stable, self.frames, self.frame, 1e-6))
         ends = []
         for k in (2, 4):
             sim = Simulation(replace(fine, substeps=k * self.stable), device=device, precision="float64")
             sim.run(self.frames)
             ends.append(np.asarray(sim.positions("/cloth"), np.float64))
-        self.exact["wsim"], self.known["wsim"] = ends[1], rms(ends[1] - ends[0]) / 3.0
-        np.savez(file, **self.exact, **{f"{side}_known": error for side, error in self.known.items()})
+        self.exact = {"newton": x[-1], "wsim": ends[1]}
+        self.known = {"newton": error, "wsim": rms(ends[1] - ends[0]) / 3.0}
 
     def judged(self, row: dict, x: np.ndarray) -> dict:
         if not np.isfinite(x).all():
@@ -115,6 +110,7 @@ def own(problem: Problem, setting: dict, device: wp.Device) -> dict:
     except Exception as error:                    # refused, or broken: a row of the table either way
         kind = "" if isinstance(error, SceneError) else f"{type(error).__name__}: "
         return row | {"finite": False, "failed": f"{kind}{error}"}
+    row |= {"substeps": sim.plan.clock.substeps, "integrator": sim.plan.choice.integrator.name}
     return row | {"ms": float(np.median(sim.milliseconds[3:])), "warnings": sim.warnings,
                   "first_s": sim.seconds["build"] + sim.seconds["first_frame"]}
 
