@@ -239,6 +239,7 @@ SLOW = {
         "test_a_world_is_reset_alone[explicit]"],
     "tools/test_scenes.py": [
         "test_scenes_run[shirt]", "test_scenes_run[ribbon]", "test_scenes_run[twisted_cloth]",
+        "test_scenes_run[rollers]", "test_scenes_run[worn_shirt]", "test_rollers_pull_a_cloth_at_their_speed",
         "test_the_humanoid_comes_to_rest_with_its_joints_closed",
         "test_rigid_scenes_stand_until_the_ball_comes_and_fall_then[arch-2.9-0.005-12]",
         "test_rigid_scenes_stand_until_the_ball_comes_and_fall_then[dominoes-0.0-0.001-30]",
