@@ -42,7 +42,7 @@ class Near:
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
-        self.trees: list[wp.Bvh] = []
+        self.trees: list[wp.Bvh | None] = []             # of triangles, of edges; None where there are none: rods have edges
         self.low, self.high = ([zeros(len(each), dtype=wp.vec3f) for each in (surfaces.triangles, surfaces.edges)]
                                for _ in range(2))
         self.groups = [model.upload(surfaces.world[each[:, 0]], int) for each in (surfaces.triangles, surfaces.edges)]
@@ -79,7 +79,7 @@ class Near:
         if self.trees:
             self.age += 1
             if self.age % REBUILT == 0:
-                for tree in self.trees:
+                for tree in filter(None, self.trees):
                     tree.rebuild()
                 self._roots()
             return
@@ -87,16 +87,18 @@ class Near:
         self.frames.start.assign(start)
         self.frames.goal.assign(start)
         self._boxes()
-        self.trees = [wp.Bvh(low, high, groups=g) for low, high, g in zip(self.low, self.high, self.groups, strict=True)]
+        self.trees = [wp.Bvh(low, high, groups=g) if len(low) else None
+                      for low, high, g in zip(self.low, self.high, self.groups, strict=True)]
         self._roots()
 
     def _roots(self) -> None:
-        for tree, root in zip(self.trees, self.root, strict=True):
+        for tree, root in ((t, r) for t, r in zip(self.trees, self.root, strict=True) if t):
             self.model.launch(self.roots, len(root), [tree.id], [root])
 
     def _boxes(self) -> None:
         for kernel, low, high in zip(self.boxes, self.low, self.high, strict=True):
-            self.model.launch(kernel, len(low), [self.surfaces.data, self.frames], [low, high])
+            if len(low):
+                self.model.launch(kernel, len(low), [self.surfaces.data, self.frames], [low, high])
 
     def allow(self, rounds: int) -> None:
         """Projections that a substep has at most, in frames to come."""
@@ -125,8 +127,9 @@ class Near:
         self.pairs.count.zero_()
         widest = s.thickness + s.data.radius
         for kind, (tree, root, n) in enumerate(zip(self.trees, self.root, (len(s.points), len(s.edges)), strict=True)):
-            tree.refit()
-            launch(self.reach, n, [s.data, f, kind, tree.id, root, widest], [self.pairs])
+            if tree:
+                tree.refit()
+                launch(self.reach, n, [s.data, f, kind, tree.id, root, widest], [self.pairs])
         launch(self.listed, 1, [self.pairs.count], [self.words])
 
     def look(self, at, stop: int = 0) -> None:
