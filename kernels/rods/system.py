@@ -130,6 +130,13 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
     return w
 
 
+@wp.func
+def even(D: wp.mat44d):
+    """The symmetric part of a block. Rounding makes others of blocks, which grow from point to point: of strands of 200 points
+    nothing was left of the forces' digits."""
+    return (D + wp.transpose(D)) * wp.float64(0.5)
+
+
 @cache
 def eliminating(pressed: bool):
     """Function (T, w, i, k): the window moved on by a point, whose factors are stored."""
@@ -139,7 +146,7 @@ def eliminating(pressed: bool):
         L2 = wp.mat44d()
         y = wp.vec4d()
         if i >= 0:
-            D = wp.inverse(w.D0)
+            D = even(wp.inverse(even(w.D0)))
             L1 = D * w.P
             L2 = D * w.F
             y = D * w.r0
