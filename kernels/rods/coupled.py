@@ -1,11 +1,12 @@
-"""Substeps of strands that press each other: Newton's method for all strands of a world at once, and conjugate gradients.
+"""Substeps of strands that press each other: Newton's method for all strands of a world at once. Corrections come of the blocks
+of strands alone (kernels/rods/system.py) where nothing presses, else of conjugate gradients (kernels/rods/conjugate.py).
 
-    A = M + E,   M: blocks of strands (kernels/rods/system.py) with what contacts add within an edge, factored strand by strand
-                 E: what contacts add between the two edges of a pair
+A step along which the force turns round, f . z < -OVERSHOT f0 . z, is taken back to where the force along it would be 0 if it
+were linear: friction has no stiffness along its slip, and turns round. For ROUGH iterations behind that it is taken to be as
+stiff along as across, which descends for certain, and slowly.
 
-Conjugate gradients are preconditioned by M. Since p = z + beta p with M z = r, M p is summed up likewise (w), and no block of M
-is kept. Every world has its own scalars and ends by itself; sums over strands are taken in their order. A world where something
-is touched steps by backward Euler as a whole: points that stepped otherwise than those they pull at would make momentum.
+Every world has its own scalars and ends by itself; sums over strands are taken in their order. A world where something is
+touched steps by backward Euler as a whole: points that stepped otherwise than those they pull at would make momentum.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -16,13 +17,14 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.contact import Colliders
-from wsim.kernels.rods.march import CALM, LEAST, MOST, TOLERANCE, begin, finish
+from wsim.kernels.rods.march import TOLERANCE, begin
 from wsim.kernels.rods.system import backward, forward, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
-from wsim.kernels.rods.touch import Pressed
 
-GAIN = wp.constant(wp.float64(1e-8))     # residual over that of the start, squared, at which conjugate gradients end
-ROUNDS = wp.constant(400)                # of them, at most
+MOST = wp.constant(150)                  # iterations of Newton: friction that turns round settles by a fifth in each
+OVERSHOT = wp.constant(wp.float64(0.5))
+ROUGH = wp.constant(8)                   # iterations behind a step back
+BACK = wp.constant(6)                    # steps back in a row, at most
 # words: Newton goes on; conjugate gradients do; a pair presses; this is the first frame
 GOING, TURNING, ACTIVE, FIRST = range(4)
 WORDS = 4
@@ -37,19 +39,24 @@ class Coupled:
     world: wp.array(dtype=int)
     least: wp.array(dtype=wp.float64)               # shortest edge [m]
     sum: wp.array(dtype=wp.float64)
+    ahead: wp.array(dtype=wp.float64)               # force along the last step, and along the correction
+    gain: wp.array(dtype=wp.float64)
     left: wp.array(dtype=wp.float64)
     on: wp.array(dtype=int)                         # 1: Newton goes on; -1: one step is taken yet; 0: it has ended
     turn: wp.array(dtype=int)                       # 1: conjugate gradients go on
     count: wp.array(dtype=int)                      # iterations of Newton
     rounds: wp.array(dtype=int)                     # and of the gradients in this one
-    share: wp.array(dtype=wp.float64)               # part of a step that is taken
-    scale: wp.array(dtype=wp.float64)               # and of this one, where steps are longer than edges
-    before: wp.array(dtype=wp.float64)              # greatest correction before
+    scale: wp.array(dtype=wp.float64)               # part of the correction, or of the step before, that is taken
+    back: wp.array(dtype=int)                       # steps in a row that were taken back in part
+    rough: wp.array(dtype=int)                      # iterations to come in which friction is as stiff along its slip as across
+    slope: wp.array(dtype=wp.float64)               # force along the last step where it began
     rho: wp.array(dtype=wp.float64)                 # r . z
     rho0: wp.array(dtype=wp.float64)
     alpha: wp.array(dtype=wp.float64)
     beta: wp.array(dtype=wp.float64)
     touched: wp.array(dtype=int)                    # 1: something is touched
+    force: wp.array2d(dtype=wp.vec4d)               # right-hand side
+    last: wp.array2d(dtype=wp.vec4d)                # the last step
     x: wp.array2d(dtype=wp.vec4d)
     r: wp.array2d(dtype=wp.vec4d)
     p: wp.array2d(dtype=wp.vec4d)
@@ -57,31 +64,9 @@ class Coupled:
     q: wp.array2d(dtype=wp.vec4d)                   # A p
 
 
-@wp.func
-def solve(S: Strands, T: Trial, G: Coupled, k: int):
-    """T.z = M^-1 r; r . z."""
-    n = S.points[k]
-    t1 = wp.vec4d()
-    t2 = wp.vec4d()
-    for i in range(n):
-        t = G.r[i, k]
-        if i > 0:
-            t = t - wp.transpose(T.near[i - 1, k]) * t1
-        if i > 1:
-            t = t - wp.transpose(T.far[i - 2, k]) * t2
-        T.z[i, k] = T.pivot[i, k] * t
-        t2 = t1
-        t1 = t
-    backward(S, T, k)
-    total = wp.float64(0.0)
-    for i in range(n):
-        total += wp.dot(G.r[i, k], T.z[i, k])
-    return total
-
-
 @cache
 def newton(kinds: tuple[str, ...], module: str):
-    """Kernels of Newton's method: begin a substep; assemble; measure corrections; judge them; take them. kinds: of colliders."""
+    """Kernels: begin a substep; assemble; measure corrections; judge them; take them. kinds: of colliders."""
     assemble = forward(kinds, True)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -98,8 +83,8 @@ def newton(kinds: tuple[str, ...], module: str):
         k = wp.tid()
         G.on[k] = 1
         G.count[k] = 0
-        G.share[k] = wp.float64(1.0)
-        G.before[k] = wp.float64(1e30)
+        G.back[k] = 0
+        G.rough[k] = 0
         words[GOING] = 1
 
     @wp.kernel(module=module, enable_backward=False)
@@ -113,6 +98,7 @@ def newton(kinds: tuple[str, ...], module: str):
         assemble(S, C, Q, T, p, k)
         backward(S, T, k)
         total = wp.float64(0.0)
+        ahead = wp.float64(0.0)
         t1 = wp.vec4d()
         t2 = wp.vec4d()
         for i in range(S.points[k]):                    # what was eliminated on, as it was
@@ -129,8 +115,11 @@ def newton(kinds: tuple[str, ...], module: str):
             G.r[i, k] = r
             G.p[i, k] = z
             G.w[i, k] = r
+            G.force[i, k] = r
             total += wp.dot(r, z)
+            ahead += wp.dot(r, G.last[i, k])
         G.sum[k] = total
+        G.ahead[k] = ahead
 
     @wp.kernel(module=module, enable_backward=False)
     def measure_strands(S: Strands, T: Trial, G: Coupled):
@@ -138,141 +127,60 @@ def newton(kinds: tuple[str, ...], module: str):
         if G.on[G.world[k]] != 1:
             return
         most = wp.float64(0.0)
+        gain = wp.float64(0.0)
         for i in range(S.points[k]):
             z = T.z[i, k]
             most = wp.max(most, wp.length(wp.vec3d(z[0], z[1], z[2])))
+            gain += wp.dot(z, G.force[i, k])
         G.left[k] = most / G.least[k]
+        G.gain[k] = gain
 
     @wp.kernel(module=module, enable_backward=False)
     def judge_worlds(G: Coupled, words: wp.array(dtype=int)):
-        words[GOING] = 0
         words[ACTIVE] = 0
+        going = int(0)
         one = wp.float64(1.0)
         for k in range(G.on.shape[0]):
             G.on[k] = wp.max(G.on[k], 0)
             if G.on[k] == 1:
                 z = wp.float64(0.0)
+                ahead = wp.float64(0.0)
+                gain = wp.float64(0.0)
                 for j in range(G.first[k], G.first[k + 1]):
                     z = wp.max(z, G.left[j])
-                if z > (one - CALM * G.share[k]) * G.before[k]:
-                    G.share[k] = wp.max(wp.float64(0.5) * G.share[k], LEAST)
-                else:
-                    G.share[k] = wp.min(wp.float64(2.0) * G.share[k], one)
-                G.scale[k] = G.share[k] * wp.min(one, one / wp.max(z, wp.float64(1e-12)))
-                G.before[k] = z
+                    ahead += G.ahead[j]
+                    gain += G.gain[j]
+                begun = G.count[k] > 0
                 G.count[k] = G.count[k] + 1
-                if z <= TOLERANCE or G.count[k] >= MOST:
-                    G.on[k] = -1                        # the last step is taken yet
+                if begun and ahead < -OVERSHOT * G.slope[k] and G.back[k] < BACK:
+                    G.scale[k] = ahead / (G.slope[k] - ahead)
+                    G.slope[k] = (one + G.scale[k]) * G.slope[k]
+                    G.back[k] = G.back[k] + 1
+                    G.rough[k] = ROUGH
                 else:
-                    words[GOING] = 1
+                    G.scale[k] = wp.min(one, one / wp.max(z, wp.float64(1e-12)))
+                    G.slope[k] = gain * G.scale[k]
+                    G.back[k] = 0
+                    G.rough[k] = wp.max(G.rough[k] - 1, 0)
+                    if z <= TOLERANCE:
+                        G.on[k] = -1                    # the last step is taken yet
+                if G.count[k] >= MOST:
+                    G.on[k] = -1
+                going = going + wp.max(G.on[k], 0)
+        words[GOING] = wp.min(going, 1)
 
     @wp.kernel(module=module, enable_backward=False)
     def take_strands(S: Strands, T: Trial, G: Coupled):
         k = wp.tid()
-        if G.on[G.world[k]] != 0:
-            take(S, T, G.scale[G.world[k]], k)
+        world = G.world[k]
+        if G.on[world] != 0:
+            a = G.scale[world]
+            for i in range(S.points[k]):
+                if G.back[world] > 0:
+                    T.z[i, k] = G.last[i, k]
+                    G.last[i, k] = G.last[i, k] * (wp.float64(1.0) + a)
+                else:
+                    G.last[i, k] = T.z[i, k] * a
+            take(S, T, a, k)
 
     return begin_strands, begin_worlds, assemble_strands, measure_strands, judge_worlds, take_strands
-
-
-@cache
-def gradients(module: str):
-    """Kernels of conjugate gradients: start, A p, step and residual, the next direction, and the end: the correction into T.z."""
-    @wp.func
-    def total(G: Coupled, k: int):
-        a = wp.float64(0.0)
-        for j in range(G.first[k], G.first[k + 1]):
-            a += G.sum[j]
-        return a
-
-    @wp.kernel(module=module, enable_backward=False)
-    def start_worlds(G: Coupled, words: wp.array(dtype=int)):
-        words[TURNING] = 0
-        for k in range(G.on.shape[0]):
-            G.turn[k] = 0
-            if G.on[k] == 1:
-                G.rho[k] = total(G, k)
-                G.rho0[k] = G.rho[k]
-                G.rounds[k] = 0
-                if G.rho[k] > wp.float64(0.0):
-                    G.turn[k] = 1
-                    words[TURNING] = 1
-
-    @wp.kernel(module=module, enable_backward=False)
-    def apply_strands(S: Strands, P: Pressed, b: wp.array(dtype=wp.vec4d), G: Coupled):
-        k = wp.tid()
-        if G.turn[G.world[k]] != 1:
-            return
-        m = G.world.shape[0]
-        a = wp.float64(0.0)
-        for i in range(S.points[k]):
-            move = G.w[i, k]
-            if S.hold[i, k] < 0:
-                q = wp.vec3d()
-                point = i * m + k
-                for j in range(wp.min(P.many[point], P.of.shape[1])):
-                    entry = P.of[point, j]
-                    pair = entry / 4
-                    c = entry - 4 * pair
-                    if c < 2:
-                        q += P.cross[pair, 1] * b[pair][c]
-                    else:
-                        q += P.cross[pair, 0] * b[pair][c]
-                move = move + wp.vec4d(q[0], q[1], q[2], wp.float64(0.0))
-            G.q[i, k] = move
-            a += wp.dot(move, G.p[i, k])
-        G.sum[k] = a
-
-    @wp.kernel(module=module, enable_backward=False)
-    def length_worlds(G: Coupled):
-        k = wp.tid()
-        if G.turn[k] == 1:
-            a = total(G, k)
-            G.alpha[k] = wp.float64(0.0)
-            if a > wp.float64(0.0):
-                G.alpha[k] = G.rho[k] / a
-
-    @wp.kernel(module=module, enable_backward=False)
-    def step_strands(S: Strands, T: Trial, G: Coupled):
-        k = wp.tid()
-        if G.turn[G.world[k]] != 1:
-            return
-        a = G.alpha[G.world[k]]
-        for i in range(S.points[k]):
-            G.x[i, k] = G.x[i, k] + G.p[i, k] * a
-            G.r[i, k] = G.r[i, k] - G.q[i, k] * a
-        G.sum[k] = solve(S, T, G, k)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def turn_worlds(G: Coupled, words: wp.array(dtype=int)):
-        words[TURNING] = 0
-        for k in range(G.on.shape[0]):
-            if G.turn[k] == 1:
-                rho = total(G, k)
-                G.beta[k] = rho / G.rho[k]
-                G.rho[k] = rho
-                G.rounds[k] = G.rounds[k] + 1
-                if rho <= GAIN * G.rho0[k] or G.rounds[k] >= ROUNDS or G.alpha[k] == wp.float64(0.0):
-                    G.turn[k] = -1
-                else:
-                    words[TURNING] = 1
-
-    @wp.kernel(module=module, enable_backward=False)
-    def aim_strands(S: Strands, T: Trial, G: Coupled):
-        k = wp.tid()
-        world = G.world[k]
-        if G.turn[world] != 1:
-            return
-        b = G.beta[world]
-        for i in range(S.points[k]):
-            G.w[i, k] = G.r[i, k] + G.w[i, k] * b
-            G.p[i, k] = T.z[i, k] + G.p[i, k] * b
-
-    @wp.kernel(module=module, enable_backward=False)
-    def end_strands(S: Strands, T: Trial, G: Coupled):
-        k = wp.tid()
-        if G.on[G.world[k]] == 1:
-            for i in range(S.points[k]):
-                T.z[i, k] = G.x[i, k]
-
-    return start_worlds, apply_strands, length_worlds, step_strands, turn_worlds, aim_strands, end_strands

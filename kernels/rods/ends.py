@@ -15,8 +15,8 @@ from wsim.kernels.rods.touch import Pressed
 
 @cache
 def ends(kinds: tuple[str, ...], module: str):
-    """Kernels: displacements of points, for the proof; places that it left, with their directors; what a substep leaves; whether
-    worlds step by backward Euler next. kinds: of colliders."""
+    """Kernels: displacements of points, for the proof; places that it left, with their directors; what a substep leaves;
+    whether worlds step by backward Euler next. kinds: of colliders."""
     end = finish(kinds)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -43,12 +43,9 @@ def ends(kinds: tuple[str, ...], module: str):
             old = now
 
     @wp.kernel(module=module, enable_backward=False)
-    def end_strands_touching(S: Strands, C: Colliders, Q: Motion, T: Trial, P: Pressed, G: Coupled, h: wp.float64, at: int,
+    def end_strands_touching(S: Strands, C: Colliders, Q: Motion, T: Trial, P: Pressed, G: Coupled, p: Step,
                              said: wp.array2d(dtype=wp.float64)):
         k = wp.tid()
-        p = Step()
-        p.h = h
-        p.at = at
         deep = end(S, C, Q, T, p, k)
         m = G.world.shape[0]
         touched = G.sum[k]

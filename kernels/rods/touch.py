@@ -2,14 +2,14 @@
 
     y = sum_c b_c x_c,   e = keep - n . y,   N(e) and friction as there,   f_c = b_c f,   K_cd = b_c b_d (k n n^T + friction's)
 
-b and n are weights and normal of the closest points where the substep begins (kernels/selfcontact/closest.py), b positive on the
-first edge and negative on the second, so that forces of a pair cancel; keep is the sum of both radii, of edges of one strand at
-most a part of the length between them, and of edges that began nearer what they had, growing by `climb` a substep. Stiffness
+b and n are weights and normal of the closest points where the substep begins (kernels/selfcontact/closest.py), b positive on
+the first edge and negative on the second, so that forces of a pair cancel; keep is the sum of both radii, of edges of one
+strand at most a part of the length between them, and of edges that began nearer what they had, growing by `climb` a substep.
 
     k = max(STIFF m / h^2, E A / d):    what is pressed by a tension T sinks by about the strain T / (E A), in diameters
 
-Points know the pairs of their edges (`of`), in the order of the pairs' points and not of the list, and gather what these add up:
-the same bits from run to run.
+Points know the pairs of their edges (`of`), in the order of the pairs' points and not of the list, and gather what these add
+up: the same bits from run to run.
 """
 
 from functools import cache
@@ -37,8 +37,19 @@ class Pressed:
     s: wp.array(dtype=wp.vec3d)                    # bristle where the substep ends [m]
     N: wp.array(dtype=wp.float64)                  # normal force there [N]
     cross: wp.array2d(dtype=wp.vec3d)              # K by what the first, second edge moves, (pairs, 2)
+    rough: wp.array(dtype=int)                     # of worlds: > 0, friction is as stiff along its slip as across
     of: wp.array2d(dtype=int)                      # 4 pair + corner, (points, room)
     many: wp.array(dtype=int)                      # of them, by point; may be more than there is room for
+
+
+@wp.struct
+class Way:
+    """Where points are: in the trial, where the substep begins [m], and their velocities there [m/s]; h [s]."""
+
+    x: wp.array(dtype=wp.vec3d)
+    x0: wp.array(dtype=wp.vec3d)
+    v: wp.array(dtype=wp.vec3d)
+    h: wp.float64
 
 
 @wp.struct
@@ -134,11 +145,9 @@ def ready(module: str):
 
 @cache
 def press(module: str):
-    """Kernel: forces and stiffnesses of pairs. x, x0, v: places where the substep ends and begins [m], velocities there [m/s];
-    words: active[0] 1 where a pair presses."""
+    """Kernel: forces and stiffnesses of pairs; active[0] 1 where a pair presses."""
     @wp.kernel(module=module, enable_backward=False)
-    def press_pairs(s: Surfaces, near: NearPairs, side: Sides, x: wp.array(dtype=wp.vec3d), x0: wp.array(dtype=wp.vec3d),
-                    v: wp.array(dtype=wp.vec3d), h: wp.float64, to: Pressed, active: wp.array(dtype=int)):
+    def press_edges(s: Surfaces, near: NearPairs, side: Sides, way: Way, to: Pressed, active: wp.array(dtype=int)):
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
             return
@@ -152,9 +161,9 @@ def press(module: str):
         mu = wp.vec2d()
         for c in range(4):
             q = ids[c]
-            y += b[c] * ((x[q] - x[o]) + (s.shift[q] - s.shift[o]))
-            slid += b[c] * (x[q] - x0[q])
-            speed += b[c] * v[q]
+            y += b[c] * ((way.x[q] - way.x[o]) + (s.shift[q] - s.shift[o]))
+            slid += b[c] * (way.x[q] - way.x0[q])
+            speed += b[c] * way.v[q]
             mu += wp.float64(0.5) * wp.abs(b[c]) * s.friction[q]
         t = Touch()
         k = to.k[i]
@@ -168,16 +177,16 @@ def press(module: str):
             t.K = wp.outer(n, n) * slope
             load = to.load[i]
             if load == wp.float64(0.0):
-                blow = wp.abs(wp.dot(n, speed)) / h + wp.length(side.gravity[side.strand[o]])
+                blow = wp.abs(wp.dot(n, speed)) / way.h + wp.length(side.gravity[side.strand[o]])
                 load = wp.min(t.N, wp.float64(2.0) * wp.min(side.m[o], side.m[ids[2]]) * blow)
-            t = rub(t, n, to.stick[i] + slid, load, k, mu)
+            t = rub(t, n, to.stick[i] + slid, load, k, mu, wp.float64(wp.min(to.rough[s.world[o]], 1)))
             wp.atomic_max(active, 0, 1)
         to.f[i] = t.f
         to.K[i] = t.K
         to.s[i] = t.s
         to.N[i] = t.N
 
-    return press_pairs
+    return press_edges
 
 
 @cache

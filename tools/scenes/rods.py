@@ -54,8 +54,8 @@ def shaken_head() -> str:
 def overhand(edge: float) -> np.ndarray:
     """An open overhand knot of 24 cm in edges of that length [m], its ends 1.1 m apart along x, (n, 3).
 
-    Shastri's curve (t^3 - 3 t, t^4 - 4 t^2), which crosses itself at t = +-sqrt(3) and at two pairs of +-1.932, -+0.518, over and
-    under in turn; its ends turn into x."""
+    Shastri's curve (t^3 - 3 t, t^4 - 4 t^2), which crosses itself at t = +-sqrt(3) and at two pairs of +-1.932, -+0.518, over
+    and under in turn; its ends turn into x."""
     t, at = np.linspace(-2.02, 2.02, 4000), np.array([-2.1, -1.932, -1.732, -0.518, 0.518, 1.732, 1.932, 2.1])
     high = np.array([0.0, -0.5, 0.5, -0.5, 0.5, -0.5, 0.5, 0.0])
     k = np.clip(np.searchsorted(at, t) - 1, 0, len(at) - 2)
@@ -88,7 +88,7 @@ def rope_knot() -> str:
         "color3f[] primvars:displayColor = [(0.78, 0.6, 0.32)]"])
 
     def grip(name: str, end: int, side: float) -> str:
-        keys = [(f, (float(x[end, 0]) + side * 0.27 * eased(f, 6, 78), float(x[end, 1]), 0.0)) for f in range(0, frames + 1, 3)]
+        keys = [(f, (float(x[end, 0]) + side * 0.42 * eased(f, 6, 78), float(x[end, 1]), 0.0)) for f in range(0, frames + 1, 3)]
         return block("Xform", name, samples("double3", "xformOp:translate", keys)
                      + '\nuniform token[] xformOpOrder = ["xformOp:translate"]', comment="A hand that pulls.")
     material = block("Material", "cord", "\n".join([

@@ -5,14 +5,15 @@ no edge passes through another. Built where rods say `self_collision`; else stra
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.motion.points import states
-from wsim.kernels.rods import coupled, touch
+from wsim.kernels.rods import conjugate, coupled, touch
 from wsim.kernels.rods.ends import ends
+from wsim.kernels.rods.tables import Step
 from wsim.kernels.selfcontact import cut, pairs
 from wsim.model.stage import Clock, Remedy
 from wsim.model.structs import filled
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 SAID = "rods' contact"           # status words, see kernels/selfcontact/cut.py, and behind them the one below
 FULL = cut.SAID                  # pairs of a point that there was no room for
-ROOM = 32                        # of pairs of a point, at first
+ROOM = 48                        # of pairs of a point, at first
 MEMORY = ("kept", "stick", "load", "many", "of")         # what pairs remember from a substep to the next
 
 
@@ -38,14 +39,14 @@ class Touching:
         t, worlds = self.table, strands.model.worlds
         self.ground = Ground(module, device, t.longest * t.strands, worlds, strands.threads)
         self.edges = Edges(t, self.ground)
-        self.near = Near(self.ground, self.edges)
-        self.guarantee = Guarantee(self.ground, self.near)
+        self.near = Near(cast(Any, self.ground), cast(Any, self.edges))
+        self.guarantee = Guarantee(cast(Any, self.ground), self.near)
         names = strands.obstacles.kinds
         self.enlist, self.order, self.recall = touch.lists(module)
         self.ready, self.press, self.gather = touch.ready(module), touch.press(module), touch.gather(module)
         self.across, self.keep = touch.across(module), touch.keep(module)
         (self.begin, self.begin_worlds, self.assemble, self.measure, self.judge, self.take) = coupled.newton(names, module)
-        (self.start, self.apply, self.length, self.step, self.turn, self.aim, self.finish) = coupled.gradients(module)
+        (self.start, self.apply, self.length, self.step, self.turn, self.aim, self.finish) = conjugate.gradients(module)
         self.displace, self.settle, self.end, self.touched, self.remember = ends(names, module)
         self.zeros = partial(wp.zeros, device=device)
         self.sides = filled(touch.Sides, **{k: self.ground.upload(v, int if k == "strand" else wp.float64)
@@ -64,10 +65,10 @@ class Touching:
         two = (t.longest, t.strands)
         self.group = filled(
             coupled.Coupled, first=self.ground.upload(first, int), world=self.ground.upload(of.astype(np.int32), int),
-            **{k: zeros(t.strands, dtype=wp.float64) for k in ("least", "sum", "left")},
-            **{k: zeros(worlds, dtype=int) for k in ("on", "turn", "count", "rounds", "touched")},
-            **{k: zeros(worlds, dtype=wp.float64) for k in ("share", "scale", "before", "rho", "rho0", "alpha", "beta")},
-            **{k: zeros(two, dtype=wp.vec4d) for k in ("x", "r", "p", "w", "q")})
+            **{k: zeros(t.strands, dtype=wp.float64) for k in ("least", "sum", "left", "ahead", "gain")},
+            **{k: zeros(worlds, dtype=int) for k in ("on", "turn", "count", "rounds", "touched", "back", "rough")},
+            **{k: zeros(worlds, dtype=wp.float64) for k in ("scale", "slope", "rho", "rho0", "alpha", "beta")},
+            **{k: zeros(two, dtype=wp.vec4d) for k in ("x", "r", "p", "w", "q", "force", "last")})
         types = {"pivot": wp.mat44d, "b": wp.vec4d, "press": wp.vec3d, "stiff": wp.mat33d, "along": wp.mat33d}
         for name, kind in types.items():
             setattr(self.strands.trial, name, zeros(two, dtype=kind))
@@ -81,7 +82,7 @@ class Touching:
             return filled(touch.Pressed, of=zeros((points, self.deep), dtype=int), many=zeros(points, dtype=int),
                           **{k: zeros(n, dtype=kind) for k, kind in scalars.items() if k in names})
         self.pressed = made(tuple(scalars))
-        self.pressed.cross = zeros((n, 2), dtype=wp.vec3d)
+        self.pressed.cross, self.pressed.rough = zeros((n, 2), dtype=wp.vec3d), self.group.rough
         self.old, self.saved = made(MEMORY), made(MEMORY)
         self.old_ids, self.saved_ids = (zeros(n, dtype=wp.vec4i) for _ in range(2))
 
@@ -96,9 +97,9 @@ class Touching:
     def advance(self, clock: Clock) -> None:
         s = self.strands
         s.said.zero_()
-        self.h, self.motion, self.at_start = clock.dt / s.substeps, s.moving(), s.part.arrays
-        self.at = filled(states(wp.float64), x=s.part.arrays["x"], e=self.none, d=self.d, a=self.none)
-        self.flat = s.trial.x.reshape(-1)
+        self.h, self.motion, Q = clock.dt / s.substeps, s.moving(), s.part.arrays
+        self.at = filled(states(wp.float64), x=Q["x"], e=self.none, d=self.d, a=self.none)
+        self.way = filled(touch.Way, x=s.trial.x.reshape(-1), x0=Q["x"], v=Q["v"], h=self.h)
         for k in range(s.substeps):
             self.substep(k)
 
@@ -118,7 +119,7 @@ class Touching:
         self.guarantee.keep(self.at, self.d, self.again, self.said)
         self.each(self.settle, [s.strands, Q, self.d.reshape(T.x.shape)], [T, G])
         wp.capture_if(near.word(pairs.NEAR), self.hold)
-        self.each(self.end, [s.strands, s.obstacles.table, Q, T, self.pressed, G, self.h, k], [s.said])
+        self.each(self.end, [s.strands, s.obstacles.table, Q, T, self.pressed, G, filled(Step, h=self.h, at=k)], [s.said])
         self.ground.launch(self.touched, self.ground.worlds, [G, self.words], [])
         self.each(self.remember, [s.strands, G], [Q])
 
@@ -157,8 +158,8 @@ class Touching:
 
     def lean(self) -> None:
         """Forces of pairs."""
-        near, Q = self.near.pairs, self.at_start
-        self.ground.launch(self.press, near.capacity, [self.edges.data, near, self.sides, self.flat, Q["x"], Q["v"], self.h],
+        near = self.near.pairs
+        self.ground.launch(self.press, near.capacity, [self.edges.data, near, self.sides, self.way],
                            [self.pressed, self.word(coupled.ACTIVE)])
 
     def gathered(self) -> None:
@@ -250,11 +251,11 @@ class Touching:
         self.total += said
         self.frames += 1
         if said[cut.CLOSE]:
-            found.append((("rods", "close"), float(said[cut.CLOSE]), "{worst} pairs of edges of rods began a substep closer than "
-                          "what a file can tell apart; nothing is proven of them"))
+            found.append((("rods", "close"), float(said[cut.CLOSE]), "{worst} pairs of edges of rods began a substep closer "
+                          "than what a file can tell apart; nothing is proven of them"))
         if said[cut.LOST] > LOSS:
-            found.append((("rods", "cut"), float(said[cut.LOST]), "rods were about to pass through each other, and a point lost "
-                          "{worst} % of its motion in a substep; give more substeps"))
+            found.append((("rods", "cut"), float(said[cut.LOST]), "rods were about to pass through each other, and a point "
+                          "lost {worst} % of its motion in a substep; give more substeps"))
         if said[cut.STAYED]:
             found.append((("rods", "held"), float(said[cut.STAYED]), "rods were held where they were in {worst} substeps: "
                           "nothing else kept them from passing through each other; is something pinched?"))
