@@ -6,11 +6,13 @@
     x   position at the start of the frame [m]; d displacement since then; v~ velocity that damping sees
     `d` holds four rows of n points: displacements and velocities v~, each twice; `source` says which copy is read
 
-On a GPU `lanes` neighbouring threads share a point: each takes every so many of its springs, and they add up in a butterfly,
-always in the same order. Coincident points have no direction to pull in: 0.
+A point's springs are added in `sums` parts, each of every so many of them, and the parts in a butterfly. On a GPU `lanes`
+neighbouring threads share a point, each with as many of the parts: how many there are changes no bit, so that worlds, which
+are many and have few lanes, are what one alone is. Coincident points have no direction to pull in: 0.
 """
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
@@ -64,11 +66,26 @@ def together(vec3, lanes: int):
     return together
 
 
+def halves(whole, sums: int, lanes: int):
+    """Function: what a lane has of a point, part `part` and every `lanes`-th after it, added as a butterfly adds them. whole:
+    function of one part."""
+    if sums <= lanes:
+        return whole
+    each = halves(whole, sums, 2 * lanes)
+
+    @wp.func
+    def both(net: Any, f: Any, x: Any, d: Any, i: int, part: int, source: int):
+        return each(net, f, x, d, i, part, source) + each(net, f, x, d, i, part + wp.static(lanes), source)
+
+    return both
+
+
 @cache
-def gather(real, *, springs: bool, corners: bool, damped: bool, added: bool = False, lanes: int = 1, width: int = 0,
-           exact: bool = False):
-    """Function: what lane `lane` of point i sums of its forces [N], copy `source` of d. See `acceleration`."""
+def gather(real, *, lanes: int = 1, sums: int = 1, width: int = 0, added: bool = False, exact: bool = False, **there):
+    """Function: what lane `lane` of point i sums of its forces [N], copy `source` of d. there: springs, corners, damped. See
+    `acceleration`."""
     t = types(real)
+    springs, corners, damped = there["springs"], there["corners"], there["damped"]
     Net, vec3, gain = net(real), t.vec3, None
     if exact:
         from wsim.kernels.math.compensated import gain
@@ -91,7 +108,7 @@ def gather(real, *, springs: bool, corners: bool, damped: bool, added: bool = Fa
         return s * r
 
     @wp.func
-    def gathered(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, lane: int,
+    def gathered(net: Net, f: wp.array(dtype=vec3), x: wp.array(dtype=vec3), d: wp.array(dtype=vec3), i: int, part: int,
                  source: int):
         """By itself: adjoints see of a sum in a loop what it was before, so who calls may multiply it, but not this."""
         n = x.shape[0]
@@ -103,24 +120,25 @@ def gather(real, *, springs: bool, corners: bool, damped: bool, added: bool = Fa
             force = f[i]
         if wp.static(springs and not added):
             if wp.static(width > 0):
-                for e in range(wp.static(width // lanes)):
-                    force += spring(net, x, d, i * width + lane + e * lanes, x0, d0, v0, source)
+                for e in range(wp.static(width // sums)):
+                    force += spring(net, x, d, i * width + part + e * sums, x0, d0, v0, source)
             else:
-                for c in range(net.start[i] + lane, net.start[i + 1], lanes):
+                for c in range(net.start[i] + part, net.start[i + 1], sums):
                     force += spring(net, x, d, c, x0, d0, v0, source)
         if wp.static(corners):
-            for e in range(net.first[i] + lane, net.first[i + 1], lanes):
+            for e in range(net.first[i] + part, net.first[i + 1], sums):
                 force += f[net.item[e]]
         return force
 
-    return gathered
+    return halves(gathered, sums, lanes)
 
 
 @cache
 def acceleration(real, *, lanes: int = 1, field=None, **kinds):
     """Function: acceleration [m/s^2] of point i, copy `source` of d; `lane` is which of its `lanes` threads this is.
 
-    springs, corners, damped: what there is. added: the springs' forces are summed already, in f[i]
+    springs, corners, damped: what there is. sums: parts of a sum, a power of 2 times `lanes`, of which `width` is a multiple.
+    added: the springs' forces are summed already, in f[i]
     (kernels/motion/march_cpu.py). width: every point has so many entries, the last of which may pull at nothing; 0: see
     `Net.start`. exact: see kernels/math/compensated.py. field: function (x + d, v~) -> acceleration."""
     t = types(real)

@@ -9,7 +9,8 @@ the receiver's barrier (st.async, mbarrier: PTX ISA 8.1): a block waits for its 
 Three copies in turn and two barriers in turn, since a neighbour may be one substep ahead, and no more: it needs what this
 block sends. A frame without contacts (`bounded`) is watched: each displacement must be no longer than the clearance of its
 point (kernels/motion/clearance.py), in every substep. Tables, velocities, remainders and rest vectors x_j - x_i never leave
-the registers of their thread. The sums are those of `leap`, in the same order; 1 / length is within an ulp of it.
+the registers of their thread. The sums are those of `leap`, in the same order; 1 / length is within an ulp of it. Worlds have a
+cluster each, of one launch.
 """
 
 from functools import cache
@@ -26,10 +27,11 @@ SNIPPET = """
     constexpr int L = {lanes}, E = {entries}, P = {points}, S = {slots}, W = {pushes}, Q = {stride};
     __shared__ __align__(16) T room[3][Q * S];
     __shared__ __align__(8) unsigned long long gate[2];
-    const int n = x.shape[0], own = threadIdx.x / L, lane = threadIdx.x % L;
-    unsigned rank;
+    const int n = h.points, own = threadIdx.x / L, lane = threadIdx.x % L;
+    unsigned rank, world;
     asm("mov.u32 %0, %%cluster_ctarank;" : "=r"(rank));
-    const int i = rank * P + own;
+    asm("mov.u32 %0, %%clusterid.x;" : "=r"(world));
+    const int i = rank * P + own, g0 = world * n + i;        // in the world, and in all arrays
     const bool there = i < n;
     const T* X = (const T*)x.data;
     T *Y = (T*)x_out.data, *D = (T*)e.data, *V = (T*)v.data, *C = (T*)carry.data;
@@ -37,16 +39,16 @@ SNIPPET = """
     T w = 0, decay = 0, g[3] = {{0, 0, 0}}, d0[3] = {{0, 0, 0}}, s[3] = {{0, 0, 0}}, v0[3], q[3], r[3], x0[3];
     int column = -1;
     if (there) {{
-        const int o = c.object.data[i];
-        w = c.w.data[i];
+        const int o = c.object.data[g0];
+        w = c.w.data[g0];
         decay = c.decay.data[o];
-        column = c.pin.data[i];
+        column = c.pin.data[g0];
         for (int k = 0; k < 3; ++k) {{
             g[k] = ((const T*)c.gravity.data)[3 * o + k];
-            d0[k] = D[3 * i + k];
-            v0[k] = q[k] = V[3 * i + k];
-            r[k] = C[3 * i + k];
-            x0[k] = X[3 * i + k];
+            d0[k] = D[3 * g0 + k];
+            v0[k] = q[k] = V[3 * g0 + k];
+            r[k] = C[3 * g0 + k];
+            x0[k] = X[3 * g0 + k];
         }}
     }}
     unsigned to[W], by[W];               // where others keep this point (all ones: nowhere), and their barrier
@@ -70,9 +72,9 @@ SNIPPET = """
     T rest[E], stiff[E], R[E][3];        // rest: k L
     #pragma unroll
     for (int e = 0; e < E; ++e) {{
-        const int entry = i * E * L + lane + e * L;
+        const int entry = g0 * E * L + lane + e * L;
         const int j = there ? c.other.data[entry] : 0;
-        const int slot = there ? h.slot.data[entry] : 0;
+        const int slot = there ? h.slot.data[i * E * L + lane + e * L] : 0;
         at[e] = (unsigned)sizeof(T) * Q * slot;
         stiff[e] = there ? c.k.data[entry] : T(0);
         rest[e] = there ? stiff[e] * c.rest.data[entry] : T(0);
@@ -166,10 +168,10 @@ SNIPPET = """
     if (there && lane == 0)
         for (int k = 0; k < 3; ++k) {{
             const T x1 = x0[k] + d0[k];
-            Y[3 * i + k] = x1;
-            D[3 * i + k] = (d0[k] - (x1 - x0[k])) + s[k];
-            V[3 * i + k] = v0[k];
-            C[3 * i + k] = r[k];
+            Y[3 * g0 + k] = x1;
+            D[3 * g0 + k] = (d0[k] - (x1 - x0[k])) + s[k];
+            V[3 * g0 + k] = v0[k];
+            C[3 * g0 + k] = r[k];
         }}
 #endif
 """
@@ -189,16 +191,17 @@ ROOT = {   # 1 / length before its last Newton step, and the least square of a l
     "double": ("over = rsqrt(square);", "fmax", "1e-300"),
 }
 # square of the clearance [m^2], -2 once it was not enough
-BOUNDED = {"room": "T room2 = there ? h.room.data[i] : T(1e30);  room2 = room2 > T(0) ? room2 * room2 : T(-1);",
+BOUNDED = {"room": "T room2 = there ? h.room.data[g0] : T(1e30);  room2 = room2 > T(0) ? room2 * room2 : T(-1);",
            "within": "if (!(d0[0] * d0[0] + d0[1] * d0[1] + d0[2] * d0[2] <= room2)) room2 = T(-2);",
            "met": "if (room2 < T(-1.5)) atomicMax(h.met.data, 1);"}
 
 
 @wp.struct
 class Shares:
-    """How blocks share the net, see `wsim.physics.motion.cluster.Halo`."""
+    """How the blocks of a world share its net, see `wsim.physics.motion.cluster.Halo`: alike in all."""
 
-    slot: wp.array(dtype=int)      # where a spring's other end stands in its block's memory, (entries of the net,)
+    points: int                    # of a world
+    slot: wp.array(dtype=int)      # where a spring's other end stands in its block's memory, (entries of a world,)
     push: wp.array(dtype=int)      # where others keep a point: block << 16 | slot, or -1; (points * pushes * lanes,)
     guests: wp.array(dtype=int)    # points of others that a block keeps, (blocks,)
 
@@ -209,6 +212,7 @@ def bounded_shares(real):
 
     @wp.struct
     class BoundedShares:
+        points: int
         slot: wp.array(dtype=int)
         push: wp.array(dtype=int)
         guests: wp.array(dtype=int)
@@ -220,8 +224,8 @@ def bounded_shares(real):
 
 @cache
 def frame(real, module, plan, bounded: bool = False):
-    """Kernel, launched over plan.size blocks of plan.threads: `Step.count` substeps, the last half kick where `Step.close`
-    asks for one, and the position x + d with its remainder. r is the remainder of v, (points,).
+    """Kernel, launched over plan.size blocks of plan.threads for each world: `Step.count` substeps, the last half kick where
+    `Step.close` asks for one, and the position x + d with its remainder. r is the remainder of v, (points,).
 
     plan     `wsim.physics.motion.cluster.Cluster`; the net is padded to plan.lanes * plan.entries a point (see
              `wsim.physics.motion.forces.ForceGather.place`)

@@ -227,6 +227,7 @@ def proceed(module):
         else:
             words[pairs.TURNED] = turn
             if turn >= most:
+                words[pairs.PINCH] = wp.min(bad, 1)
                 left = 0
         words[pairs.GOING] = going
         words[pairs.LEFT] = left

@@ -20,9 +20,9 @@ OVER = 1.6                               # over-relaxation of sweeps along norma
 # Words on the device: a search before the next solve; pairs are listed; projections go on; cuts go on; the round of either;
 # projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
 # and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
-# lists that were made in this substep; points out of their tubes behind projections
-SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED = range(15)
-WORDS = 15
+# lists that were made in this substep; points out of their tubes behind projections; cuts have ended, and pairs lack a proof
+SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED, PINCH = range(16)
+WORDS = 16
 
 
 @cache

@@ -109,8 +109,8 @@ def listing(real):
 
 @cache
 def reach(real, module):
-    """Kernel: points against triangles, or edges against edges of a greater number. tree, root: of the boxes of triangles
-    (edges), and its nodes by world."""
+    """Kernel: points against triangles, or edges against edges of a greater number. start: of the first of the points (edges),
+    and of the triangles (edges) of the tree; tree, root: of the boxes of these, and its nodes by world."""
     t = types(real)
     Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
     append = listing(real)
@@ -120,8 +120,9 @@ def reach(real, module):
         return wp.vec3f(float(a[0] + more), float(a[1] + more), float(a[2] + more))
 
     @wp.kernel(module=module, enable_backward=False)
-    def search_pairs(s: Surfaces, f: Frames, kind: int, tree: wp.uint64, root: wp.array(dtype=int), widest: real, near: Pairs):
-        own = wp.tid()
+    def search_pairs(s: Surfaces, f: Frames, kind: int, start: wp.vec2i, tree: wp.uint64, root: wp.array(dtype=int),
+                     widest: real, near: Pairs):
+        own = start[0] + wp.tid()
         a, b = int(0), int(0)
         if kind == closest.POINT:
             a = s.point[own]
@@ -131,9 +132,10 @@ def reach(real, module):
             b = s.edge[own][1]
         low = corner(wp.min(wp.min(f.start[a], f.goal[a]), wp.min(f.start[b], f.goal[b])), -widest)
         high = corner(wp.max(wp.max(f.start[a], f.goal[a]), wp.max(f.start[b], f.goal[b])), widest)
-        k = int(0)
+        leaf = int(0)
         query = wp.bvh_query_aabb(tree, low, high, root[s.world[a]])
-        while wp.bvh_query_next(query, k):
+        while wp.bvh_query_next(query, leaf):
+            k = start[1] + leaf
             ids = wp.vec4i(a, a, a, a)
             if kind == closest.POINT:
                 c = s.triangle[k]

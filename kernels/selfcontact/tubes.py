@@ -25,13 +25,13 @@ RATE = 0.5                               # part of a radian that a substep turns
 
 @cache
 def frames(real):
-    """Struct: rigid = (c, u, v), v the vector part of the quaternion of the substep's turn; A before and after the substep;
-    axes by point."""
+    """Struct: rigid = (c, u, v, led), v the vector part of the quaternion of the substep's turn, led (1, 0, 0) where it is what
+    colliders do; A before and after the substep; axes by point."""
     t = types(real)
 
     @wp.struct
     class Frames:
-        rigid: wp.array(dtype=t.vec3)             # [m], [m], [1], (3,)
+        rigid: wp.array(dtype=t.vec3)             # [m], [m], [1], [1], (4,)
         frame: wp.array(dtype=t.transform)        # A, R A, (2,)
         start: wp.array(dtype=t.vec3)             # P [m], (points,)
         goal: wp.array(dtype=t.vec3)              # Q [m], (points,)

@@ -139,16 +139,14 @@ def turn_of(material: str, real):
 
 
 @cache
-def forces(material: str, damped: bool, *, real, module):
-    """Kernel over tets: forces [N] of corner k of tet c at `force` + 4 c + k, and quaternions of their rotations, (t,).
-
-    The kernel's arguments: tets, x, d, v (velocities [m/s]), q (of a nearby state; zeros stand for none), f_out, q_out."""
+def force(material: str, damped: bool, real):
+    """Function of tet c: what `forces` does for it."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
     (gradient, change), stress, turn, turns = displaced(real, real), row.stress, turn_of(material, real), row.needs_rotation
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def forces(tets: Tets, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
-        c = wp.tid()
+    @wp.func
+    def force(tets: Tets, c: int, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
         H = gradient(tets, c, x, d)
         now = t.quat(real(0.0), real(0.0), real(0.0), real(1.0))
         if wp.static(turns):
@@ -158,6 +156,20 @@ def forces(material: str, damped: bool, *, real, module):
         if wp.static(damped):
             P += tets.tau[c] * rate_stress(identity(H) + held(H), change(tets, c, v), tets.mu[c], tets.lam[c])
         spread(tets.force + 4 * c, -tets.volume[c] * P, tets.gradient[c], f_out)
+
+    return force
+
+
+@cache
+def forces(material: str, damped: bool, *, real, module):
+    """Kernel over tets: forces [N] of corner k of tet c at `force` + 4 c + k, and quaternions of their rotations, (t,).
+
+    The kernel's arguments: tets, x, d, v (velocities [m/s]), q (of a nearby state; zeros stand for none), f_out, q_out."""
+    t, Tets, one = types(real), elements(real), force(material, damped, real)
+    vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
+
+    def forces(tets: Tets, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
+        one(tets, wp.tid(), x, d, v, q, f_out, q_out)
 
     name = f"fem_forces_{material}{'_damped' * damped}_{t.name}"
     return wp.kernel(forces, name=name, module=module, enable_backward=False)

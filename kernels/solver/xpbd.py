@@ -12,7 +12,8 @@ its variant needs; the arrays that it does not need may be None.
 
 Two kernels share one formula: `projection` gives a thread to each constraint of a colour, a launch a colour; `sweep` is one
 launch for all colours, by one block of threads that meet after each (on the CPU one thread takes everything in turn).
-Where colours are small a sweep costs a fraction of the launches it replaces.
+Where colours are small a sweep costs a fraction of the launches it replaces. Worlds have a block each, which goes through the
+colours of its own: their points stay in the caches for all of a sweep.
 """
 
 from functools import cache
@@ -54,25 +55,29 @@ def projection(constraint: Constraint, *, real=wp.float32, module="unique", mult
 
 
 @cache
-def sweep(constraint: Constraint, *, real=wp.float32, module="unique", multipliers: bool = False, damped: bool = False,
-          uniform: bool = False, exact: bool = False):
-    """(Batch, kernel) as `projection`, for all colours in one launch over `threads`: one block on a GPU, 1 on the CPU.
+def sweep(constraint: Constraint, *, real=wp.float32, module="unique", threads: int = block.BLOCK, **kind):
+    """(Batch, kernel) as `projection`, kind: multipliers, damped, uniform, exact; for all colours in one launch: of a block of
+    `threads` a world on a GPU, of a thread on the CPU.
 
-    The kernel's arguments: batch, at, starts, rate, omega, lam, d_out, lam_out; starts (colours + 1,) int.
+    The kernel's arguments: batch, at, colours, rate, omega, lam, d_out, lam_out; colours (colours,): where each begins, and its
+    constraints of a world, which stand behind those of the world before.
     """
-    o = variant(constraint, real, multipliers, damped, uniform, exact=exact)
+    o = variant(constraint, real, **kind)
     vec3, value, PointState, one = o.t.vec3, o.value, states(real), one_of(o, False)
 
-    def sweep(batch: o.Batch, at: PointState, starts: wp.array(dtype=int), rate: real, omega: real,
+    def sweep(batch: o.Batch, at: PointState, colours: wp.array(dtype=wp.vec2i), rate: real, omega: real,
               lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
-        i = wp.tid()
-        for colour in range(starts.shape[0] - 1):
-            for c in range(starts[colour] + i, starts[colour + 1], wp.block_dim()):
+        world = wp.tid() // wp.block_dim()
+        i = wp.tid() - world * wp.block_dim()
+        for k in range(colours.shape[0]):
+            colour = colours[k]
+            first = colour[0] + world * colour[1]
+            for c in range(first + i, first + colour[1], wp.block_dim()):
                 one(c, batch, at, rate, omega, lam, d_out, lam_out)
             block.meet()
 
     return o.Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False,
-                               launch_bounds=block.BLOCK)
+                               launch_bounds=threads)
 
 
 def one_of(o, backward: bool):

@@ -47,20 +47,20 @@ def test_what_a_simulation_holds_is_all_that_was_allocated(scene):
 
 
 def test_where_the_copies_do_not_fit_the_bytes_and_how_many_would_are_said(monkeypatch):
-    copies = misfit().copies[7][0]
+    copies = misfit().batches[7].copies[0]
     whole = held(copies.sim) + sum(a.capacity for a in copies.saved)
     monkeypatch.setattr(checkpoints, "free", lambda device: 0.6 * whole)
     with pytest.raises(SceneError, match="memory: a fit of 3 parameters runs 7 copies .* free on cpu: 4 copies fit; "
                                          "differences=\"forward\" takes 4 of them") as said:
         misfit()
     assert float(str(said.value).split("hold ")[1].split()[0]) == pytest.approx(whole, rel=0.01)
-    assert misfit("forward").copies[4][0].worlds == 4
+    assert misfit("forward").batches[4].copies[0].worlds == 4
 
 
 @pytest.mark.parametrize("part, mend", [(0.3, "2 copies fit; fit 1 of the parameters at a time, with differences=\"forward\""),
                                         (0.1, "0 copies fit; take fewer points")])
 def test_where_fewer_fit_the_parameters_that_would_are_said(part, mend, monkeypatch):
-    copies = misfit().copies[7][0]
+    copies = misfit().batches[7].copies[0]
     whole = held(copies.sim) + sum(a.capacity for a in copies.saved)
     monkeypatch.setattr(checkpoints, "free", lambda device: part * whole)
     with pytest.raises(SceneError, match=mend):

@@ -137,3 +137,25 @@ def test_ray_adds_less_than_a_twentieth_to_runs_of_a_second(file, tmp_path):
 def test_an_address_where_nothing_answers_is_told(file, tmp_path):
     with pytest.raises(SceneError, match="no Ray cluster answers there"):
         list(wsim.sweep(file, VARY, tmp_path / "out", settings=Settings(device="cpu", address="127.0.0.1:1")))
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_one_fit_whose_copies_are_on_two_workers_is_that_of_one_process(killed, cluster):
+    """To the bit, with turns of three copies on each, and where a worker is killed on the way."""
+    from tests.fitting.test_shared import WINDS, hung, seen
+    from wsim.fitting.fit import Settings as Fitting
+    from wsim.fitting.fit import fit
+    from wsim.sweep.team import Team
+    begun, specimens = hung(stretch=200.0, wind=2.0), [seen(hung(wind=wind)) for wind in WINDS]
+
+    def found(**more):
+        return fit(begun, specimens[0], "stretch,bend,wind_x", also=[(begun, specimens[1])], each=more.pop("each", None),
+                   settings=Fitting(device="cpu", shared=("stretch", "bend"), **more))
+    with Team(settings(cluster, workers=2), copies=3) as team:
+        def kill(step):
+            if killed and step["step"] == 2:
+                import ray
+                ray.kill(team.cluster.actors[1])
+        spread, whole = found(team=team, each=kill), found()
+    assert spread.estimate.theta.tobytes() == whole.estimate.theta.tobytes()
+    assert (spread.steps, spread.simulations, spread.residuals) == (whole.steps, whole.simulations, whole.residuals)

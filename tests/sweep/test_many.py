@@ -43,6 +43,20 @@ def test_the_command_line_fits_many_and_all_at_once(specimens, tmp_path, capsys)
     assert wsim.load(tmp_path / "joint.usda").cloths[0].material.stretch == pytest.approx(TRUTH[0], rel=1e-3)
 
 
+def test_specimens_that_share_one_parameter_have_a_layer_each(specimens, tmp_path, capsys):
+    scene, seen = specimens
+    asked = ["fit", scene, "--many", *seen[:2], "--parameters", "stretch,damping", "--shared", "damping", "--device", "cpu",
+             "-o", str(tmp_path / "joint.usda")]
+    assert cli.main([*asked, "--joint"]) == 0
+    assert "stretch@2" in capsys.readouterr().out
+    fabrics = [wsim.load(tmp_path / f"joint.{k}.usda").cloths[0].material for k in (1, 2)]
+    np.testing.assert_allclose([f.stretch for f in fabrics], TRUTH[:2], rtol=1e-3)
+    np.testing.assert_allclose([f.damping for f in fabrics], [1e-3, 1e-3], rtol=1e-2)
+    with pytest.raises(SystemExit):
+        cli.main(asked)
+    assert "give --joint too" in capsys.readouterr().err
+
+
 def test_what_is_no_specimen_is_refused_before_anything_runs(specimens, tmp_path):
     scene, seen = specimens
     with pytest.raises(SceneError, match="there is no such file"):

@@ -119,6 +119,10 @@ def contradiction(args: argparse.Namespace) -> str:
         return f"--fps chooses substeps and iterations by their error: leave out {' '.join(given)}, or --fps"
     if args.command == "fit" and bool(args.to) == bool(args.many):
         return "--to OBSERVED is one specimen, --many OBSERVED ... are several: give one of them"
+    if args.command == "fit" and args.shared and not args.joint:
+        return "--shared says which parameters a joint fit shares: give --joint too"
+    if args.command == "fit" and args.copies and args.many and not args.joint:
+        return "--copies is of one fit, --many without --joint are fits of few copies each: leave it out"
     return ""
 
 

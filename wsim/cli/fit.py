@@ -2,6 +2,8 @@
 
 import os
 import sys
+from contextlib import nullcontext
+from dataclasses import replace
 
 from wsim.cli.progress import line
 from wsim.fitting.fields.result import FieldFit
@@ -21,8 +23,11 @@ def run(scene: Scene, args) -> bool:
         return [t for path in paths for t in read(path, scene, args.noise, force=args.force_noise)]
 
     seen, also = tracks(args.to or args.many[:1]), [(scene, tracks([path])) for path in args.many[0 if args.to else 1:]]
-    settings = Settings(device=args.device, accuracy=args.accuracy or 0.0, limit=args.limit, state=args.restart)
-    with line(0) as progress:
+    shared = None if args.shared is None else tuple(args.shared.split(","))
+    settings = Settings(device=args.device, accuracy=args.accuracy or 0.0, limit=args.limit, state=args.restart, shared=shared,
+                        copies=args.copies)
+    with line(0) as progress, _team(args, progress.say) as team:
+        settings = replace(settings, team=team)
         progress.say("compiling")
 
         def told(step: dict) -> None:
@@ -33,6 +38,16 @@ def run(scene: Scene, args) -> bool:
                      priors=priors(args.prior), each=told, settings=settings)
     write(scene, result, args)
     return result.converged
+
+
+def _team(args, said):
+    """Workers of the fit (`wsim.sweep.team`) where some are asked for; else nothing."""
+    from wsim.cli.sweep_options import settings
+    asked = settings(args)
+    if not asked.remote:
+        return nullcontext()
+    from wsim.sweep.team import Team
+    return Team(asked, args.copies, said)
 
 
 def _check_outputs(scene: Scene, args) -> None:
@@ -46,25 +61,35 @@ def _check_outputs(scene: Scene, args) -> None:
 
 
 def write(scene: Scene, result: Fit | FieldFit, args) -> None:
-    if args.output:
-        unknown = _save(scene, result, args.output)
+    paths = layers(result, args.output) if args.output else []
+    for k, path in enumerate(paths):
+        unknown = _save(scene, result, path, k)
         if unknown:
-            print(f"warning: {args.output}: {', '.join(unknown)} could not be identified; what is written there is one of many "
+            print(f"warning: {path}: {', '.join(unknown)} could not be identified; what is written there is one of many "
                   "answers", file=sys.stderr)
     if args.json:
         print(as_json(result.as_dict() | {"scene": args.scene, "output": args.output}))
     else:
         print(result.text())
-        if args.output:
-            print(f"{args.output}: a layer over {os.path.basename(str(scene.source))} with these values")
+        for k, path in enumerate(paths):
+            print(f"{path}: a layer over {os.path.basename(str(scene.source))} with these values"
+                  + f" of {args.many[k]}" * (len(paths) > 1))
 
 
-def _save(scene: Scene, result: Fit | FieldFit, path: str) -> list[str]:
-    """Writes the layer; names of parameters that are open."""
+def layers(result: Fit | FieldFit, path: str) -> list[str]:
+    """Layers that are written: one, or FITTED.1.usda, FITTED.2.usda ... where experiments have values of their own."""
+    if isinstance(result, FieldFit) or all(p.only is None for p in result.parameters):
+        return [path]
+    stem, end = os.path.splitext(path)
+    return [f"{stem}.{k + 1}{end}" for k in range(len(result.scenes))]
+
+
+def _save(scene: Scene, result: Fit | FieldFit, path: str, k: int = 0) -> list[str]:
+    """Writes the layer of experiment k; names of its parameters that are open."""
     from wsim.usd.result.fitted import save_fitted
     if isinstance(result, Fit):
-        save_fitted(scene, result.scene, path, result.as_dict() | {"residuals": []})
-        return [p.name for p in result.parameters if result.errors[p.name] == float("inf")]
+        save_fitted(scene, result.scenes[k], path, result.as_dict() | {"residuals": []})
+        return [p.name for p in result.parameters if p.only in (None, k) and result.errors[p.name] == float("inf")]
     from wsim.usd.result.fields import author_fields
     found = result.as_dict()
     short = [{k: v for k, v in f.items() if k not in ("values", "sensitivity")} for f in found["fields"]]

@@ -5,18 +5,9 @@ from time import perf_counter
 
 from wsim.cli.commands import _hush, _load, _ready, _simulation
 from wsim.cli.progress import Progress
+from wsim.cli.sweep_options import settings
 from wsim.scene import Problem, SceneError
 from wsim.simulation.duration import duration
-
-
-def settings(args):
-    """Settings of a sweep from its arguments."""
-    from wsim.sweep.job import Settings
-    changes = {name: getattr(args, name, None) for name in ("frames", "substeps", "iterations", "solver", "integrator")}
-    precision = getattr(args, "precision", None) or "float32"
-    return Settings(device=args.device, precision=precision, keep=getattr(args, "keep", "none"),
-                    changes={k: v for k, v in changes.items() if v is not None}, worlds=getattr(args, "worlds", None),
-                    workers=args.workers, cores=args.cores, address=args.address, retries=getattr(args, "retries", 2))
 
 
 def sweep(args) -> int:

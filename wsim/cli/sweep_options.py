@@ -13,6 +13,16 @@ def home(args, commands, sweep) -> tuple:
     return sweep if args.command in COMMANDS else commands, args.command
 
 
+def settings(args):
+    """Settings of a sweep from its arguments."""
+    from wsim.sweep.job import Settings
+    changes = {name: getattr(args, name, None) for name in ("frames", "substeps", "iterations", "solver", "integrator")}
+    precision = getattr(args, "precision", None) or "float32"
+    return Settings(device=args.device, precision=precision, keep=getattr(args, "keep", "none"),
+                    changes={k: v for k, v in changes.items() if v is not None}, worlds=getattr(args, "worlds", None),
+                    workers=args.workers, cores=args.cores, address=args.address, retries=getattr(args, "retries", 2))
+
+
 def add_sweep(commands) -> None:
     """The parser of `wsim sweep`, without what all commands share."""
     sweep = commands.add_parser("sweep", help="run a scene in many variations, a row of a table for each")
@@ -49,6 +59,9 @@ def add_many(fit) -> None:
     fit.add_argument("--many", type=named, nargs="+", default=[], metavar="OBSERVED",
                      help="specimens, each fitted by itself: a row of the table in the folder -o for each")
     fit.add_argument("--joint", action="store_true", help="one fit of all --many, which share the parameters")
+    fit.add_argument("--shared", type=named, metavar="A,B",
+                     help="parameters that a joint fit shares; the others are of each specimen (default: all are shared)")
+    fit.add_argument("--copies", type=whole, metavar="N", help="copies of the scene at once at most, on each worker")
     fit.add_argument("--resume", action="store_true", help="go on with the fits that the folder holds")
     _workers(fit)
 

@@ -5,7 +5,7 @@ fit: a residual that changes its scheme with its parameters is no function. Wher
 all take them from then on.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -46,6 +46,15 @@ def kept(sim: Simulation) -> list[wp.array]:
     return [array for array, _ in sim.state.copies()]
 
 
+@dataclass
+class Aside:
+    """The state of copies between two frames, on the host."""
+
+    frame: int
+    starting: bool
+    arrays: list[np.ndarray]
+
+
 class Copies:
     """`begin` with values, go on `to` a frame, read `positions`; and again. Raises SceneError where the scene cannot run, or
     where there is no memory for so many."""
@@ -70,6 +79,7 @@ class Copies:
         """Remembers the start."""
         sim = self.sim
         clock = sim.plan.clock
+        clock.touching = True                            # what one copy does must not depend on what others touch
         self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.integrator
         self.arrays = kept(sim)
         self.saved = [wp.clone(a) for a in self.arrays]
@@ -93,7 +103,36 @@ class Copies:
     def begin(self, values: np.ndarray) -> None:
         """Sets the copies back to the start, world k with the row k of values (worlds, parameters)."""
         self.rewind()
-        sim = self.sim
+        stiff = [name for name in self.put(values) if stiffens(name)]
+        if stiff:
+            retry.keep_stable(self.sim, stiff[0])
+        self.substeps = self.sim.plan.clock.substeps
+
+    def take(self, substeps: int) -> None:
+        """Takes so many substeps a frame from now on, or more."""
+        clock = self.sim.plan.clock
+        if substeps > clock.substeps:
+            clock.substeps, self.sim.graph = substeps, None
+        self.substeps = clock.substeps
+
+    def aside(self) -> Aside:
+        """The state now."""
+        return Aside(self.sim.frame, self.sim.plan.clock.starting, [array.numpy().copy() for array in self.arrays])
+
+    def enter(self, values: np.ndarray, state: Aside | None) -> None:
+        """Goes on from a state with other values; None: from the start."""
+        self.put(values)
+        for k, (array, saved) in enumerate(zip(self.arrays, self.saved, strict=True)):
+            if state is None:
+                wp.copy(array, saved)
+            else:
+                array.assign(state.arrays[k])
+        self.sim.frame, self.sim.plan.clock.starting = (state.frame, state.starting) if state else (0, True)
+        self.sim.changes.clear()
+
+    def put(self, values: np.ndarray) -> list[str]:
+        """Values of every world (worlds, parameters) into the running copies; names of what was set."""
+        sim, given = self.sim, {}
         for world, row in enumerate(values):
             scene = self.scene
             for p, value in zip(self.parameters, row, strict=True):
@@ -103,10 +142,7 @@ class Copies:
                 if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
                     raise SceneError(Problem(path, f"{name} is fixed while solver {sim.plan.choice.solver} runs; leave it out, "
                                              "or name another solver"))
-        stiff = [name for _, name in given if stiffens(name)]
-        if stiff:
-            retry.keep_stable(sim, stiff[0])
-        self.substeps = sim.plan.clock.substeps
+        return [name for _, name in given]
 
     def to(self, frame: int) -> None:
         """Frames up to that one. Raises Broken."""

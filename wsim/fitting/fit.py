@@ -12,12 +12,15 @@ e^0.2 about 500 N/m.
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from math import isfinite, sqrt
 from time import perf_counter
 
 import numpy as np
 
 from wsim.fitting import parameter as table
+from wsim.fitting import shared as sharing
+from wsim.fitting.batch import Batch
 from wsim.fitting.fields.field import is_field
 from wsim.fitting.fields.fit import fit_fields
 from wsim.fitting.least_squares import goodness
@@ -39,11 +42,16 @@ class Settings:
     limit: float = 200.0                   # simulations, each copy over the whole horizon counts 1
     state: str | None = None               # file to save to after every step, and to go on from where it is there
     eps: float | None = None               # difference of theta; None: by the solver
+    shared: tuple[str, ...] | None = None  # parameters that all experiments share, see `wsim.fitting.shared`; None: all
+    copies: int | None = None              # at once at most, where memory is small; the others take turns. None: all
+    team: Callable | None = None           # what runs copies, elsewhere say (`wsim.sweep.team`): `make` of `Misfit`
 
     def __post_init__(self):
         wrong = []
         if self.differences not in ("central", "forward"):
             wrong.append(Problem("differences", f"found {self.differences!r}; allowed are central, forward"))
+        if self.copies is not None and self.copies < 2:
+            wrong.append(Problem("copies", f"found {self.copies}; allowed are 2 or more"))
         for name in ("accuracy", "limit", "eps"):
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and (value > 0.0 or (name == "accuracy" and value == 0.0))):
@@ -88,7 +96,7 @@ class Fit:
         """The result as a dictionary for JSON."""
         e = self.estimate
         return {"parameters": [{"name": p.name, "value": v, "error": s, "low": a, "high": b, "unit": p.unit,
-                                "identifiable": bool(np.isfinite(s))}
+                                "identifiable": bool(np.isfinite(s)), **({} if p.only is None else {"experiment": p.only + 1})}
                                for p, v, s, a, b in zip(self.parameters, e.values, e.errors, e.low, e.high, strict=True)],
                 "correlation": e.correlation.tolist(), "singular_values": e.singular.tolist(), "not_identifiable": e.words,
                 "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit, "sigma_is": self.origin,
@@ -110,7 +118,7 @@ def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(),
     (`wsim.fitting.fields.result`).
 
     observations   Track, Scan, Functional, Pull, Markers objects, or a USD file with sampled points and forces, same paths
-    also           further experiments [(scene, observations)] that share the parameters
+    also           further experiments [(scene, observations)] that share the parameters, or those of `settings.shared`
     start          {name: value}; else the scene's present values
     priors         {name: (mean, sigma)}, the mean in the parameter's unit, sigma in the mapped space
     each           called after every step with a dict: step, accepted, frame, frames, values, rms, simulations
@@ -120,12 +128,16 @@ def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(),
     experiments = experiments_of(scene, observations, also)
     names = [n.strip() for n in (parameters.split(",") if isinstance(parameters, str) else parameters)]
     if any(is_field(name) for name in names):
+        for name in ("shared", "team", "copies"):
+            if getattr(settings, name) is not None:
+                raise SceneError(Problem(name, "a fit of fields shares all, and runs one copy in this process; leave it out"))
         return fit_fields(experiments, names, start=start, priors=priors, each=each, settings=settings)
-    found, scenes = table.parameters(parameters, [s for s, _ in experiments], start)
+    found, scenes = table.parameters(parameters, [s for s, _ in experiments], start, settings.shared)
     prior = _priors(found, priors or {})
-    theta = np.array([_start(p, scenes) for p in found])
+    theta = np.array([_start(p, p.among(scenes)) for p in found])
     misfit = Misfit([(s, seen) for s, (_, seen) in zip(scenes, experiments, strict=True)], found, device=settings.device,
-                    differences=settings.differences, eps=settings.eps)
+                    differences=settings.differences, eps=settings.eps,
+                    make=settings.team or partial(Batch, device=settings.device, most=settings.copies))
     known = experiments[0][1][0].sigma is not None
     search = Search(misfit, theta, prior, sigma=known, limit=settings.limit, accuracy=settings.accuracy,
                     each=lambda s: _told(s, settings, each))
@@ -142,21 +154,23 @@ def _start(p: Parameter, scenes: list[Scene]) -> float:
 
 
 def _priors(found: list[Parameter], given: dict[str, tuple[float, float]]) -> Prior:
-    prior, problems = Prior(np.zeros(len(found)), np.zeros(len(found))), []
-    for name, pair in given.items():
-        row = next((k for k, p in enumerate(found) if p.name == name), None)
-        if row is None:
-            problems.append(Problem(name, f"has a prior and is not fitted; fitted are {', '.join(p.name for p in found)}"))
-            continue
-        try:
-            mean, sigma = map(float, pair)
-            if not (isfinite(sigma) and sigma > 0.0):
-                raise ValueError("sigma must be a finite number > 0")
-            prior.mean[row], prior.weight[row] = found[row].map.forward(mean), 1.0 / sigma**2
-        except (TypeError, ValueError) as error:
-            problems.append(Problem(name, f"prior is {pair}; allowed is (mean, sigma): {error}"))
+    prior, problems = Prior(np.zeros(len(found)), np.zeros(len(found))), list[Problem]()
+    used: set[str] = set()
+    for row, p in enumerate(found):
+        if believed := sharing.given(p, given):
+            name, pair = believed
+            used.add(name)
+            try:
+                mean, sigma = map(float, pair)
+                if not (isfinite(sigma) and sigma > 0.0):
+                    raise ValueError("sigma must be a finite number > 0")
+                prior.mean[row], prior.weight[row] = p.map.forward(mean), 1.0 / sigma**2
+            except (TypeError, ValueError) as error:
+                problems.append(Problem(name, f"prior is {pair}; allowed is (mean, sigma): {error}"))
+    problems += [Problem(name, f"has a prior and is not fitted; fitted are {', '.join(p.name for p in found)}")
+                 for name in given if name not in used]
     if problems:
-        raise SceneError(problems)
+        raise SceneError(dict.fromkeys(problems))
     return prior
 
 
@@ -179,7 +193,7 @@ def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds
     doubts = goodness.notes(search, noise, left)
     e = estimate(found, best.theta, search.spectrum(best), noise * max(1.0, left)**2, search.prior.weight)
     for p, value in zip(found, e.values, strict=True):
-        scenes = [p.written(s, float(value)) for s in scenes]
+        scenes = p.in_all(scenes, float(value))
     sigma = misfit.sigma * sqrt(noise) if search.known else sqrt(noise)
     return Fit(found, e, scenes[0], scenes, search.converged, sigma, left, search.steps, misfit.walked, misfit.launches,
                1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows,

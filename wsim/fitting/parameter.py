@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from wsim.fitting import shared as sharing
 from wsim.fitting.least_squares.bounds import LARGE, WIDE, Map
 from wsim.scene import Cloth, Load, Problem, Scene, SceneError, Springs
 from wsim.scene.check.varying import NEEDS, painted, unfit
@@ -42,7 +43,6 @@ def names() -> list[str]:
 
 
 def things(scene: Scene) -> list:
-    """All that may have parameters."""
     return [*scene.bodies(), *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
 
 
@@ -56,6 +56,15 @@ class Parameter:
     unit: str
     map: Map
     axis: int | None = None      # of a vector
+    only: int | None = None      # number of the one experiment that has it; None: all share it
+
+    def among(self, scenes: list) -> list:
+        """Scenes of the experiments that have it."""
+        return scenes if self.only is None else [scenes[self.only]]
+
+    def in_all(self, scenes: list[Scene], value: float) -> list[Scene]:
+        """The scenes with that value, where they have it."""
+        return [self.written(s, value) if self.only in (None, k) else s for k, s in enumerate(scenes)]
 
     def rows(self, scene: Scene) -> list[tuple[Value, Any]]:
         """Objects of a scene that have the parameter, each with its row of the table."""
@@ -161,9 +170,9 @@ def put(row: Value, thing, value: float, axis: int | None = None):
 
 # from names
 
-def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str, float] | None = None
-               ) -> tuple[list[Parameter], list[Scene]]:
-    """The parameters of these names, and the scenes with the values of `start`, by name.
+def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str, float] | None = None,
+               shared: str | Iterable[str] | None = None) -> tuple[list[Parameter], list[Scene]]:
+    """The parameters of these names, and the scenes with the values of `start`, by name. shared: see `wsim.fitting.shared`.
 
     Raises SceneError with every name that is unknown, frozen, named twice, or has no start to begin from.
     """
@@ -172,19 +181,19 @@ def parameters(asked: str | Iterable[str], scenes: list[Scene], start: dict[str,
     if not wanted:
         problems.append(Problem("parameters", f"none is named; allowed are {', '.join(names())}"))
     found = [p for name in wanted for p in _named(name, scenes, problems.append)]
-    given = dict(start or {})
+    found, used = sharing.apart(found, scenes, shared, problems.append), set()
     for p in found:
-        if p.name in given:
-            value = given.pop(p.name)
+        if begun := sharing.given(p, start or {}):
+            used.add(begun[0])
             try:
-                p.map.forward(value)
-                scenes = [p.written(scene, value) for scene in scenes]
+                p.map.forward(begun[1])
+                scenes = p.in_all(scenes, begun[1])
             except ValueError as error:
-                problems.append(Problem(p.name, f"start is {value:g}; {str(error) or 'it must be finite'}"))
+                problems.append(Problem(p.name, f"start is {begun[1]:g}; {str(error) or 'it must be finite'}"))
     problems += [Problem(name, f"has a start value and is not fitted; fitted are {', '.join(p.name for p in found)}")
-                 for name in given]
-    found = [_ranged(p, scenes) for p in found]
-    problems += [q for p in found for q in _wrong(p, scenes)]
+                 for name in start or {} if name not in used]
+    found = [_ranged(p, p.among(scenes)) for p in found]
+    problems += [q for p in found for q in _wrong(p, p.among(scenes))]
     problems += _twice(found, scenes)
     if problems:
         raise SceneError(dict.fromkeys(problems))
@@ -283,8 +292,8 @@ def _twice(found: list[Parameter], scenes: list[Scene]) -> list[Problem]:
     seen: dict[tuple, str] = {}
     problems = []
     for p in found:
-        for key in {(k, getattr(thing, "path", "/"), part, p.axis) for k, s in enumerate(scenes) for _, thing in p.rows(s)
-                    for part in table.PARTS.get(p.what, (p.what,))}:
+        for key in {(k, getattr(thing, "path", "/"), part, p.axis) for k, s in enumerate(scenes) if p.only in (None, k)
+                    for _, thing in p.rows(s) for part in table.PARTS.get(p.what, (p.what,))}:
             if key in seen:
                 problems.append(Problem(key[1], f"{p.what} is named twice, by {seen[key]} and {p.name}; name it once"))
             seen[key] = p.name

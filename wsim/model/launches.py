@@ -61,20 +61,21 @@ class Launches:
 
     @property
     def sweep_module(self) -> str:
-        """Module of the kernels that one block runs. CUDA compiles a module for each block size, so they stand apart."""
+        """Module of kernels that a block runs by itself. CUDA compiles a module for each block size, so they stand apart."""
         return f"{self.module}_sweep" if self.device.is_cuda else self.module
 
-    def sweep(self, kernel, inputs: list, outputs: list) -> None:
-        """Launches a kernel of one block; on the CPU of one thread."""
+    def sweep(self, kernel, inputs: list, outputs: list, blocks: int = 1, threads: int = 0) -> None:
+        """Launches a kernel of one block, or of so many that do not meet; on the CPU of a thread for each. threads: of a block,
+        if not BLOCK."""
         import warp as wp
 
         from wsim.kernels.math.block import BLOCK
         if self.recorder:
-            self.recorder.opaque(lambda: self.sweep(kernel, inputs, outputs))
+            self.recorder.opaque(lambda: self.sweep(kernel, inputs, outputs, blocks, threads))
         elif self.device.is_cuda:
-            self.launch_blocks(kernel, 1, BLOCK, inputs, outputs)
+            self.launch_blocks(kernel, blocks, threads or BLOCK, inputs, outputs)
         else:
-            wp.launch(kernel, 1, inputs, outputs, device=self.device)
+            wp.launch(kernel, blocks, inputs, outputs, device=self.device)
 
     def module_of(self, threads: int) -> str:
         """Module of kernels with blocks of so many threads, on CUDA."""

@@ -110,8 +110,8 @@ def _named(scene: Scene, solver: str, method: Integrator, why: str) -> Choice:
 
 def _soft(model: Model, method: Integrator | None) -> Choice:
     """Soft bodies: leapfrog where its steps cost less and nothing else is named; else Newton's method, of which a step of a
-    frame is stable, and which solves to a residual: sdirk3 of half as many steps, or backward Euler of contacts, of as many as
-    the wanted error takes."""
+    frame is stable, and which solves to a residual: sdirk3 of half as many steps as the scene names, or backward Euler of
+    contacts; of either as many as the wanted error takes."""
     scene, leapfrog = model.scene, TABLE["leapfrog"]
     iterations = scene.iterations if scene.solver == "implicit" else min(scene.iterations, SOLVED)
     solved = iterations >= SOLVED and not (_hard(model) or scene.air_drag)      # drag leaves order 1, and sdirk3 fewer steps
@@ -121,7 +121,12 @@ def _soft(model: Model, method: Integrator | None) -> Choice:
     if scene.solver == "implicit" or method:
         return newton
     euler = _euler(model, "implicit", iterations)
-    newton = euler if collides(scene) else newton
+    if collides(scene):
+        newton = euler
+    else:
+        bodies = falls(model)
+        steps = _within(model, steps, lambda h: errors.newton(model, bodies, h, chosen.name, 0.0))
+        newton = replace(newton, substeps=steps * chosen.solves)
     reason = unfit(model, "Newton's method")
     if reason:
         return replace(newton, why=reason)

@@ -5,7 +5,8 @@
                prints the fitted constants; nothing is timed at build
 
     step, spring, element       a substep of leapfrog (one more for each kind of element), a spring in it, an element by weight
-    block, tet                  a substep of soft bodies, a tet in it; ten-node tets count TEN
+    block, tet                  a substep of soft bodies, a tet in it; ten-node tets count TEN, those of a CPU that packets do
+                                not take ALONE
     rest, sweep, projection     a substep of XPBD, a sweep over a kind of constraint, a constraint in it by its weight
     newton, solved              a Newton step of soft bodies, a tet in it
     assembled                   a constraint, by its weight, in a Newton step of sheets
@@ -42,11 +43,12 @@ COSTS = {
              "assembled": 5.8e-9, "gradient": 2.2e-5, "conjugate": 2.2e-8, "pressed": 1.8e-4,
              "touch": 4e-6, "near": 3e-11,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
-    "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 1.12e-7, "rest": 4.5e-6,
+    "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
             "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
             "met": 1.2e-7, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
+ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 
@@ -132,8 +134,17 @@ def _constraints(model: Model) -> tuple[float, float, set[str]]:
 
 
 def _tets(model: Model, what: int) -> float:
-    """Tets, a quadratic one as TEN[what]."""
-    return sum(len(b.tets) * (1.0 if b.tets.shape[1] == 4 else TEN[what]) for b in model.bodies)
+    """Tets, a quadratic one as TEN[what], of the explicit steps of a CPU one that is taken by itself as ALONE."""
+    found = 0.0
+    for body in (b for b in model.bodies if len(b.tets)):
+        alone = what == 0 and not model.device.is_cuda and not _packed(body)
+        found += len(body.tets) * (1.0 if body.tets.shape[1] == 4 else TEN[what]) * (ALONE if alone else 1.0)
+    return found
+
+
+def _packed(body) -> bool:
+    from wsim.physics.soft.fem import PACKETS
+    return body.tets.shape[1] == 4 and all(m.model in PACKETS for m in body.source.materials)
 
 
 def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:

@@ -217,18 +217,24 @@ def choice(scene: Scene, *, device, real) -> Choice:
 
 
 def _chosen(model: Model, fps: float | None = None) -> Build:
-    """Constraints of every body, and the solver, integrator and steps that they are given."""
-    scene = model.scene
+    """Constraints of every body, and the solver, integrator and steps that they are given: worlds take those of one alone,
+    whose bits they then have, but where all are to hold a rate of frames."""
+    scene, one = model.scene, model
     constrain(model)
     if fps is None:
-        choice = choose(model)
+        if model.worlds > 1:
+            one = models.build(scene, 1, model.device, model.real)
+            constrain(one)
+        choice = choose(one)
     else:
         from wsim.simulation.predicted.rate import hold
         choice = hold(model, fps)
     if scene.solver == "explicit" and choice.substeps > scene.substeps and scene.cloths:
         from wsim.physics.fused.stiff_few import slow
         if said := slow(model):
-            choice = choose(model)
+            if one is not model:
+                slow(one)
+            choice = choose(one)
             choice = replace(choice, why="; ".join([choice.why, *map(str, said)]))
     counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
                   choice.steps, "take softer materials, larger masses or elements, or another solver")

@@ -191,7 +191,7 @@ class Cluster:
                     idle += self._started(ref, starting.pop(ref))
                     continue
                 actor, part, tries = flying.pop(ref)
-                rows, lost = self._answer(ref)
+                rows, lost = self.answer(ref)
                 if rows is not None:
                     idle.append(actor)
                     yield [{**row, "tries": row["tries"] + tries - 1} for row in rows]
@@ -218,8 +218,8 @@ class Cluster:
         return [actor] * good
 
     @staticmethod
-    def _answer(ref) -> tuple[list[dict] | None, str]:
-        """Rows of a part; None and why, where its worker is lost or has failed."""
+    def answer(ref) -> tuple[Any, str]:
+        """Answer of a worker; None and why, where it is lost or has failed."""
         try:
             return ray.get(ref), ""
         except Exception as error:

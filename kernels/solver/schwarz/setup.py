@@ -51,8 +51,10 @@ def tables(real) -> SimpleNamespace:
         entry: wp.array(dtype=wp.vec2i)      # (block of the system, its row)
         block: wp.array(dtype=wp.vec3i)      # (matrix, a, b) of the nodes a <= b of a domain
         about: wp.array(dtype=wp.vec2i)      # the places of a and b
-        pairs: wp.array(dtype=int)           # their pairs of leaves: pairs[e] .. pairs[e + 1]
-        leaves: wp.array(dtype=int)          # numbers of pairs of leaves
+        leaves: wp.array(dtype=int)          # their pairs of leaves, by number
+        run: wp.array(dtype=wp.vec3i)        # of a block e, in short runs: (e, its first pair in leaves, end)
+        into: wp.array(dtype=int)            # place of a run's sum in `run`, or -1 where the run is all of its block
+        joined: wp.array(dtype=wp.vec3i)     # of each block of several runs: (e, its first sum, end)
         upper: wp.array(dtype=int)           # domains above groups upper[b] .. upper[b + 1] of a system, (systems + 1,)
         node: wp.array(dtype=wp.vec4i)       # of such a domain: first group, groups of a node, end, number of its first place
         above: wp.array(dtype=wp.vec3i)      # (domain, node in it, place) of each group at each level above, (levels groups,)
@@ -63,6 +65,7 @@ def tables(real) -> SimpleNamespace:
     class Blocks:
         W: wp.array(dtype=real)              # 96 x 96 of each domain: points, groups, above
         pair: wp.array(dtype=vec12)          # 12 rows of each pair of leaves
+        run: wp.array(dtype=vec12)           # 12 rows of each run that has a sum
         S: wp.array(dtype=t.mat33)           # filters, (points,)
         X: wp.array(dtype=t.vec3)            # places [m], (points,)
         scratch: wp.array(dtype=real)        # 96 of each domain
@@ -155,9 +158,9 @@ def pairs(real, module):
 
 @cache
 def blocks(real, module):
-    """Kernel over 12 rows of the blocks of pairs of nodes of domains, zeroed before."""
+    """Kernel over 12 rows of runs of pairs of leaves: blocks of pairs of nodes of domains, zeroed before, or parts of one."""
     o = tables(real)
-    twelve, side, Blocks, vec12 = TWELVE, dense.SIDE, o.Blocks, o.vec12
+    twelve, Blocks, vec12, put = TWELVE, o.Blocks, o.vec12, row_of(real)
 
     @wp.func
     def line(m: Blocks, e: int, p: int, r: int, turned: bool):
@@ -172,15 +175,17 @@ def blocks(real, module):
 
     @wp.kernel(module=module, enable_backward=False)
     def schwarz_blocks(tree: o.Tree, m: Blocks):
-        e = wp.tid() // wp.static(twelve)
-        row = wp.tid() - e * wp.static(twelve)
+        at = wp.tid() // wp.static(twelve)
+        row = wp.tid() - at * wp.static(twelve)
+        run = tree.run[at]
+        e = run[0]
         p = row // 3
         r = row - 3 * p
         a = m.X[tree.about[e][0]]
         b = m.X[tree.about[e][1]]
         same = tree.block[e][1] == tree.block[e][2]
         sum = vec12()
-        for k in range(tree.pairs[e], tree.pairs[e + 1]):
+        for k in range(run[1], run[2]):
             pair = tree.leaves[k]
             K = tree.pair[pair][0]
             J = tree.pair[pair][1]
@@ -195,11 +200,45 @@ def blocks(real, module):
                     for c in range(3):
                         v[3 * q + c] += arm[q - 1] * v[c]
                 sum += v
-        at = tree.block[e][0] * wp.static(side * side) + (wp.static(twelve) * tree.block[e][1] + row) * wp.static(side)
-        for q in range(wp.static(twelve)):
-            m.W[at + wp.static(twelve) * tree.block[e][2] + q] = sum[q]
+        if tree.into[at] < 0:
+            put(tree, m, e, row, sum)
+        else:
+            m.run[tree.into[at] * wp.static(twelve) + row] = sum
 
     return schwarz_blocks
+
+
+@cache
+def row_of(real):
+    """Function: row `row` of the block of pair e of nodes goes into its domain's matrix."""
+    o, twelve, side = tables(real), TWELVE, dense.SIDE
+    Tree, Blocks, vec12 = o.Tree, o.Blocks, o.vec12
+
+    @wp.func
+    def put(tree: Tree, m: Blocks, e: int, row: int, v: vec12):
+        at = tree.block[e][0] * wp.static(side * side) + (wp.static(twelve) * tree.block[e][1] + row) * wp.static(side)
+        for q in range(wp.static(twelve)):
+            m.W[at + wp.static(twelve) * tree.block[e][2] + q] = v[q]
+
+    return put
+
+
+@cache
+def sums(real, module):
+    """Kernel over 12 rows of blocks of several runs: the sum of these, in their order."""
+    o, twelve, put = tables(real), TWELVE, row_of(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def schwarz_sums(tree: o.Tree, m: o.Blocks):
+        at = wp.tid() // wp.static(twelve)
+        row = wp.tid() - at * wp.static(twelve)
+        it = tree.joined[at]
+        sum = o.vec12()
+        for k in range(it[1], it[2]):
+            sum += m.run[k * wp.static(twelve) + row]
+        put(tree, m, it[0], row, sum)
+
+    return schwarz_sums
 
 
 @cache

@@ -141,3 +141,16 @@ def test_a_damped_tet_costs_as_the_iterations_of_its_solve_go(damping, times):
 def test_rigid_bodies_and_fluids_are_said_to_take_time(name, least, most):
     """Measured: 5.7, 1.4 and 60 to 90 ms a frame on one core."""
     assert least < Simulation(f"scenes/{name}.usda", device="cpu").plan.seconds < most
+
+
+def test_newtons_steps_of_a_soft_body_are_as_many_as_the_wanted_error_takes():
+    """A small bar, too stiff for leapfrog: one step of sdirk3 a frame would err by 10 % of it."""
+    scene = Scene(fps=24.0, substeps=2)
+    points, tets = block((0.1, 0.02, 0.02), (4, 1, 1))
+    scene.pin("/wall", scene.soft("/bar", points, tets, material=Bulk(1e7, damping=0.1)), [0, 1, 2, 3])
+    found = Simulation(scene, device="cpu").plan
+    assert found.choice.integrator.name == "sdirk3" and found.choice.error <= scene.error
+
+    def error(steps: int) -> float:
+        return errors.newton(found.model, errors.falls(found.model), 1.0 / 24.0 / steps, "sdirk3", 0.0) / 0.1
+    assert error(found.choice.steps) <= scene.error < error(found.choice.steps - 1)

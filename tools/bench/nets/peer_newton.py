@@ -1,12 +1,13 @@
-"""Newton's solvers on one spring net: positions and velocities at given frames, and the time of a frame.
+"""Newton's solvers on a net of springs or a sheet of triangles: positions and velocities at given frames, time of a frame.
 
     PEER_PYTHON tools/bench/nets/peer_newton.py PROBLEM.npz SETTINGS.json OUT_FOLDER [--device cuda:0|cpu]
 
-Run by peers.py with the interpreter of an environment of Newton's own (peers.py says how to make it): this file imports
-newton, warp and numpy only, and nothing of wsim.
+Run by peers.py and membrane_peers.py with the interpreter of an environment of Newton's own (peers.py says how to make it):
+this file imports newton, warp and numpy only, and nothing of wsim.
 
 PROBLEM.npz     points (n, 3) [m], edges (m, 2), stiffness (m,) [N/m], lengths (m,) [m], masses (n,) [kg], pinned (k,),
-                gravity (3,) [m/s^2], frame [s], ends (e,) numbers of the frames after which the state is kept
+                gravity (3,) [m/s^2], frame [s], ends (e,) numbers of the frames after which the state is kept; of a sheet
+                triangles (t, 3), mu, lame [N/m] instead of springs
 SETTINGS.json   [{"solver": one of SOLVERS, "substeps", "iterations"}, ...]
 OUT_FOLDER      rows.json: the settings with ms, first_s, capture_s, colors, finite, or with `failed`; states.npz: x0, v0
                 (e, n, 3) [m], [m/s] of the first setting, x1, v1 ... of the next
@@ -62,17 +63,30 @@ def colors(n: int, edges: np.ndarray) -> list[np.ndarray]:
     return best
 
 
-def model_of(problem: dict[str, np.ndarray], device: wp.Device, groups: list[np.ndarray]) -> newton.Model:
-    """Particles and springs, no shapes, no damping; a pinned particle has mass 0."""
+def edges_of(problem: dict[str, np.ndarray]) -> np.ndarray:
+    """Pairs of points that share a force, (m, 2)."""
+    if "edges" in problem:
+        return problem["edges"]
+    sides = problem["triangles"][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    return np.unique(np.sort(sides, axis=1), axis=0).astype(np.int32)
+
+
+def model_of(problem: dict[str, np.ndarray], device: wp.Device, groups: list[np.ndarray], lame: float = 0.0) -> newton.Model:
+    """Particles and springs or triangles, no shapes, no damping; a pinned particle has mass 0. `lame` is of the solver."""
     masses = problem["masses"].copy()
     masses[problem["pinned"]] = 0.0
     n = len(masses)
     builder = newton.ModelBuilder(gravity=wp.vec3(*problem["gravity"].tolist()))
     builder.add_particles(pos=[wp.vec3(*p) for p in problem["points"].tolist()], vel=[wp.vec3(0.0)] * n,
                           mass=masses.tolist(), radius=[0.0] * n)
-    for (i, j), k in zip(problem["edges"].tolist(), problem["stiffness"].tolist(), strict=True):
-        builder.add_spring(i, j, k, 0.0, 0.0)
-    builder.spring_rest_length = problem["lengths"].tolist()
+    if "edges" in problem:
+        for (i, j), k in zip(problem["edges"].tolist(), problem["stiffness"].tolist(), strict=True):
+            builder.add_spring(i, j, k, 0.0, 0.0)
+        builder.spring_rest_length = problem["lengths"].tolist()
+    else:
+        t = len(problem["triangles"])
+        builder.add_triangles(*problem["triangles"].T.tolist(), tri_ke=[float(problem["mu"])] * t, tri_ka=[lame] * t,
+                              tri_kd=[0.0] * t, tri_drag=[0.0] * t, tri_lift=[0.0] * t)
     builder.set_coloring(groups)
     model = builder.finalize(device=device)
     model.particle_grid = None
@@ -119,7 +133,10 @@ def measure(problem: dict[str, np.ndarray], setting: dict, device: wp.Device, gr
     """The row of a setting, and its states at the ends. The first frame runs unrecorded (it compiles), the second and
     third capture; ms is the median of the rest."""
     began = time.perf_counter()
-    run = Run(model_of(problem, device, groups), setting, float(problem["frame"]))
+    lame = float(problem.get("lame", 0.0))
+    if "mu" in problem and setting["solver"] == EXPLICIT:             # it takes the energy's own factor of (J - a)^2
+        lame += float(problem["mu"])
+    run = Run(model_of(problem, device, groups, lame), setting, float(problem["frame"]))
     built = time.perf_counter() - began
     ends, kept, ms = problem["ends"].tolist(), [], []
     for number in range(1, max(ends) + 1):
@@ -144,7 +161,7 @@ def main() -> None:
     device = wp.get_device(args.device)
     with np.load(args.problem) as found:
         problem = {name: found[name] for name in found.files}
-    groups = colors(len(problem["points"]), problem["edges"])
+    groups = colors(len(problem["points"]), edges_of(problem))
     rows, states = [], {}
     with wp.ScopedDevice(device):
         for number, setting in enumerate(json.loads(Path(args.settings).read_text())):

@@ -10,12 +10,14 @@ A `Misfit` walks through time, so that who asks can stop early. `residuals` and 
 another way to the derivatives (an adjoint) may stand.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from wsim.fitting.copies import Broken, Copies
+from wsim.fitting.batch import Batch, events
 from wsim.fitting.least_squares.noise_floor import floor
 from wsim.fitting.observations import observe
 from wsim.fitting.observations.observed_usd import read
@@ -54,19 +56,17 @@ class Misfit:
     """Residuals of experiments [(scene, observations)] with parameters that they share."""
 
     def __init__(self, experiments: list[tuple[Scene, list]], parameters: list[Parameter], *, device=None,
-                 differences: str = "central", eps: float | None = None):
-        """eps: of theta; None: by the solver, see EPS."""
-        self.experiments, self.parameters, self.device = experiments, parameters, device
+                 differences: str = "central", eps: float | None = None, make: Callable | None = None):
+        """eps: of theta; None: by the solver, see EPS. make(experiments, parameters, copies): what runs so many copies, a
+        `wsim.fitting.batch.Batch` or what does the same."""
+        self.experiments, self.parameters = experiments, parameters
+        self.make: Callable = make or partial(Batch, device=device)
         self.central = differences == "central"
-        self.copies: dict[int, list[Copies]] = {}
+        self.batches: dict[int, Any] = {}
         self.walked, self.launches = 0.0, 0             # whole simulations of one copy; batches begun
-        self.events: dict[float, list] = {}             # what was seen at each time [s]: (experiment, frame, observation, row)
-        for k, (scene, seen) in enumerate(experiments):
-            for o in seen:
-                for row, f in enumerate(o.frames):
-                    self.events.setdefault(int(f) / scene.fps, []).append((k, int(f), o, row))
-        self.moments = sorted(self.events)
-        solvers = [c.sim.plan.choice.solver for c in self.of(1 + len(parameters) * (1 + self.central))]
+        self.events = events(experiments)
+        self.moments = [time for time, _ in self.events]
+        solvers = self.of(1 + len(parameters) * (1 + self.central)).solvers
         self.eps = eps or max(EPS[name] for name in solvers)
         self.lasts = [max(int(o.frames.max()) for o in seen) for _, seen in experiments]
         self.floor = floor(experiments)
@@ -84,24 +84,15 @@ class Misfit:
             return 1.0
         return float(np.sqrt(np.mean([(o.sigma or 1.0)**2 for _, seen in self.experiments for o in seen])))
 
-    def of(self, worlds: int) -> list[Copies]:
-        """Copies of every experiment, made once for each number of worlds."""
-        if worlds not in self.copies:
-            self.copies[worlds] = [Copies(scene, self.parameters, worlds, self.device) for scene, _ in self.experiments]
-            for copies, (_, seen) in zip(self.copies[worlds], self.experiments, strict=True):
-                for o in seen:
-                    o.prepare(copies.sim.model)
-        return self.copies[worlds]
+    def of(self, copies: int):
+        """Batch of so many copies of every experiment, made once for each number."""
+        if copies not in self.batches:
+            self.batches[copies] = self.make(self.experiments, self.parameters, copies)
+        return self.batches[copies]
 
     def notes(self) -> list[str]:
         """Warnings of the simulations."""
-        found = []
-        for c in (c for each in self.copies.values() for c in each):
-            found += [w.removeprefix("warning: ") for w in c.warnings]
-            if c.substeps != c.scene.substeps:
-                found.append(f"the stiffest copies needed {c.substeps} explicit substeps a frame, not "
-                             f"{c.scene.substeps}: all took them")
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(text for batch in self.batches.values() for text in batch.notes()))
 
     def values(self, theta: np.ndarray) -> np.ndarray:
         """Parameters of theta, in their units."""
@@ -119,23 +110,16 @@ class Misfit:
         at any moment."""
         steps = (steps or Steps.axes(len(self.parameters), self.eps)) if derivatives else None
         each = self.worlds(np.asarray(theta, np.float64), steps)
-        copies = self.of(len(each))
-        values = np.array([self.values(row) for row in each])
-        for c in copies:
-            c.begin(values)
-        self.launches += len(copies)
-        at = [0] * len(copies)
-        for moment in self.moments:
-            rows = []
-            for k, frame, seen, row in self.events[moment]:
-                copies[k].to(frame)
-                self.walked += len(each) * (frame - at[k]) / self.lasts[k] / len(copies)
+        batch = self.of(len(each))
+        batch.take(batch.begin(np.array([self.values(row) for row in each])))
+        self.launches += len(self.experiments)
+        at = [0] * len(self.experiments)
+        for number, (moment, seen) in enumerate(self.events):
+            r = batch.residuals(number)
+            for k, frame, _, _ in seen:
+                self.walked += len(each) * (frame - at[k]) / self.lasts[k] / len(at)
                 at[k] = frame
-                residual = seen.residuals(row, copies[k].look(seen)) / (seen.sigma or 1.0)
-                if not np.isfinite(residual).all():
-                    raise Broken(frame, f"the misfit of {seen.path} is no number")
-                rows.append(residual)
-            yield self.part(moment, frame, np.concatenate(rows, axis=1), steps)
+            yield self.part(moment, frame, r, steps)
 
     def part(self, time: float, frame: int, r: np.ndarray, steps: Steps | None) -> ResidualBlock:
         if steps is None:

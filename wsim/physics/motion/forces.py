@@ -2,7 +2,8 @@
 
 On a GPU, and where gradients are asked for, a point's springs stand together, padded to equal numbers where that does not cost
 much, and are gathered by a few threads; else on a CPU every spring stands once, at its lower end, and is added to both
-(kernels/cloth/spring.py, kernels/motion/march_cpu.py).
+(kernels/cloth/spring.py, kernels/motion/march_cpu.py). In which order a point's forces are added follows from the points of one
+world, so that worlds have the bits of one alone; how many threads share a point, from all.
 """
 
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.elements import Elements
 from wsim.physics.cloth.kind import SPRINGS
+from wsim.physics.motion import cluster
 from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders
@@ -57,7 +59,7 @@ class ForceGather:
         for name in ("w", "object", "gravity", "decay"):
             setattr(self.net, name, getattr(constants, name))
         self.net.pin = model.upload(np.full(model.points, -1, np.int32) if columns is None else columns, int)
-        self.table, self.lanes, self.width = self.net, 1, 0
+        self.table, self.lanes, self.sums, self.width = self.net, 1, 1, 0
         if self.springs:
             self.place(model.shared(np.concatenate([r.ids for r in self.springs]).astype(np.int32)))
             self.values()
@@ -75,7 +77,7 @@ class ForceGather:
 
     def place(self, ids: np.ndarray) -> None:
         """Entries: which spring stands where."""
-        model, n = self.model, self.model.points
+        model, n, own = self.model, self.model.points, self.model.points // self.model.worlds
         if self.added:
             self.packets(ids, orders(self.springs, model.bodies))
             return
@@ -83,22 +85,28 @@ class ForceGather:
         point = np.repeat(np.arange(n), np.diff(start))
         self.entry, other = spring, ids[spring].sum(1) - point
         most = int(np.diff(start).max())
-        self.lanes = _lanes(n, most) if self.shared else 1
         if self.alone:
             size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
-            self.cluster = cluster_of(n, most, size, np.dtype(model.dtype).itemsize)
-            self.lanes = self.cluster.lanes if self.cluster else self.lanes
-        width = -(-most // self.lanes) * self.lanes
-        if n <= FEW or n * width <= PADDED * len(spring):
+            self.cluster = cluster_of(own, most, size, np.dtype(model.dtype).itemsize)
+        self.share_points(most)
+        width = -(-most // self.sums) * self.sums
+        if self.cluster or n <= FEW or n * width <= PADDED * len(spring):
             self.width = width
             into = point * width + np.arange(len(point)) - start[point]
             self.entry, filled = np.full(n * width, -1), np.repeat(np.arange(n), width)
             self.entry[into], filled[into] = spring, other
             other = filled
         if self.cluster:
-            self.cluster = self.share(self.cluster, np.repeat(np.arange(n), width), other)
+            self.share(most, np.repeat(np.arange(own), width), other[:own * width])
         self.table.start = model.upload(start.astype(np.int32), int)
         self.table.other = model.upload(other.astype(np.int32), int)
+
+    def share_points(self, most: int) -> None:
+        """Parts of a point's sum, of which there are `most` at most, and the threads that share them."""
+        if self.shared:
+            n, worlds = self.model.points, self.model.worlds
+            self.sums = self.cluster.lanes if self.cluster else _lanes(n // worlds, most)
+            self.lanes = min(self.sums, _lanes(n, most))
 
     def packets(self, ids: np.ndarray, order: np.ndarray) -> None:
         """The same on a CPU. order: of the points."""
@@ -112,15 +120,21 @@ class ForceGather:
         self.table.row = lots.row(len(found.order))
         self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
 
-    def share(self, cluster: Cluster, point: np.ndarray, other: np.ndarray) -> Cluster | None:
-        """Cluster with what each block keeps; None where points hang together too widely for that."""
-        found = halo(cluster, self.model.points, point, other, np.dtype(self.model.dtype).itemsize)
-        if found is None:
-            return None
-        self.shares = Shares()
-        for name in ("slot", "push", "guests"):
-            setattr(self.shares, name, self.model.upload(getattr(found[1], name), int))
-        return found[0]
+    def share(self, most: int, point: np.ndarray, other: np.ndarray) -> None:
+        """What each block of a world's cluster keeps; no cluster where points hang together too widely for that. Of many worlds
+        clusters have fewer blocks, but not other lanes: these make the sum. point, other: ends of the springs of a world."""
+        n, real, alone = self.model.points // self.model.worlds, np.dtype(self.model.dtype).itemsize, self.cluster
+        assert alone is not None
+        found = halo(alone, n, point, other, real)
+        if found and self.model.worlds >= cluster.WORLDS:
+            few = cluster_of(n, most, cluster.BLOCKS, real, (alone.lanes,))
+            found = (few and halo(few, n, point, other, real)) or found
+        self.cluster = found[0] if found else None
+        if found:
+            self.shares = Shares()
+            self.shares.points = n
+            for name in ("slot", "push", "guests"):
+                setattr(self.shares, name, self.model.upload(getattr(found[1], name), int))
 
     def values(self, again: bool = False) -> None:
         """Uploads rest lengths, stiffness and damping of the entries; again: into the same arrays."""
@@ -151,7 +165,7 @@ class ForceGather:
             starts, items = incident(np.concatenate([e.ids.ravel() for e in self.elements])[:, None], model.points)
             self.net.first, self.net.item = model.upload(starts.astype(np.int32), int), model.upload(items + first, int)
             if self.shared and not self.springs:
-                self.lanes = _lanes(model.points, int(np.diff(starts).max()))
+                self.share_points(int(np.diff(starts).max()))
         for e in self.elements:
             e.first, first = first, first + e.ids.size
             beside(model, __name__, "element_adjoint", self, e)
@@ -163,8 +177,8 @@ class ForceGather:
 
     def flags(self) -> tuple:
         """Flags that `wsim.kernels.cloth.spring.acceleration` is made of."""
-        return tuple({"springs": bool(self.springs), "corners": bool(self.elements), "damped": self.damped,
-                      "added": self.added, "lanes": self.lanes, "width": self.width, "exact": self.exact}.items())
+        return tuple({"springs": bool(self.springs), "corners": bool(self.elements), "damped": self.damped, "added": self.added,
+                      "lanes": self.lanes, "sums": self.sums, "width": self.width, "exact": self.exact}.items())
 
     def launch(self, source: int, x: wp.array, pair: wp.array) -> None:
         """Forces that are not gathered on the way: those of elements, and on a CPU of springs."""

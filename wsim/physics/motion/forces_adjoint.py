@@ -85,7 +85,7 @@ class Forces:
         n = model.points
         self.x, self.pair, self.f = over(n), over(4 * n), over(n, False)
         self.corner = None if pull.force is None else over(pull.force.size, not pull.direct)
-        flags = dict(pull.flags()) | {"lanes": 1}                   # a thread a point
+        flags = dict(pull.flags()) | {"lanes": 1, "sums": 1}                   # a thread a point
         self.force = newton_adjoint.force(model.real, module, tuple(flags.items()))
         self.back_force = ForceAdjoint(model, pull, False, module)
         self.launches: list[tuple] = []                  # of forces of corners

@@ -11,7 +11,7 @@ from wsim.model.stage import FREE, MET, Clock, Stage
 from wsim.model.structs import filled, values
 from wsim.physics.motion.forces import ForceGather
 
-LARGEST = 8192         # points that a cluster takes at most, see `wsim.physics.motion.cluster`
+LARGEST = 8192         # points of a world that a cluster takes at most, see `wsim.physics.motion.cluster`
 
 
 class OneLaunch:
@@ -33,7 +33,7 @@ class OneLaunch:
     def by_cluster(self, clock: Clock) -> None:
         pull, s = self.pull, self.method.state
         plan = pull.cluster
-        self.model.launch_blocks(self.kernel, plan.size, plan.threads,
+        self.model.launch_blocks(self.kernel, plan.size * self.model.worlds, plan.threads,
                                  [pull.net, self.shares or pull.shares, s.x, self.whole(clock)], [s.x, s.e, s.v, s.r])
 
     def by_march(self, clock: Clock) -> None:
@@ -80,8 +80,8 @@ class FreeFrames:
     def __init__(self, method, clock: Clock):
         """Adds a stage to those of the method, which are of frames with contacts then; a march looks at its edges itself."""
         m, model = self.method, self.model = method, method.model
-        self.pull = m.pull
-        if m.acts == 0 and m.field is None and self.pull.only and model.device.is_cuda and model.points <= LARGEST:
+        self.pull, few = m.pull, model.points <= LARGEST * model.worlds
+        if m.acts == 0 and m.field is None and self.pull.only and model.device.is_cuda and few:
             own = ForceGather(model, m.points.constants, m.rows, m.columns, alone=True)
             self.pull = own if own.cluster else self.pull
         self.at_once: Any = None         # `OneLaunch`

@@ -51,6 +51,8 @@ class Edges:
         first = np.flatnonzero(behind)
         self.edges = np.stack([first, first + m], axis=1).astype(np.int32)
         self.triangles = np.zeros((0, 3), np.int32)
+        self.free = {"points": len(self.points), "edges": len(self.edges), "triangles": 0}
+        self.obstacles, self.total = None, ground.points
         self.strand = np.tile(np.arange(m), table.longest).astype(np.int32)
         self.worlds_of = np.repeat([world for _, world in table.pairs], [own.stop - own.start for own in table.own])
         self.world = self.worlds_of[self.strand].astype(np.int32)

@@ -23,7 +23,8 @@ from wsim.scene import Cloth
 # H200, the same: an iteration 60 us, as one of block Jacobi, 3 to 7 times fewer to 1e-6; but 16 ms for the matrices, so that
 # a frame of 8 substeps takes 320 ms for 119: it never pays there
 PAYS = {"cuda": (0, inf), "cpu": (2000, 30.0)}
-VECTORS = {"pair": wp.vec2i, "entry": wp.vec2i, "block": wp.vec3i, "about": wp.vec2i, "node": wp.vec4i, "above": wp.vec3i}
+VECTORS = {"pair": wp.vec2i, "entry": wp.vec2i, "block": wp.vec3i, "about": wp.vec2i, "node": wp.vec4i, "above": wp.vec3i,
+           "run": wp.vec3i, "joined": wp.vec3i}
 
 
 def wanted(model: Model, h: float) -> tuple[bool, str]:
@@ -75,8 +76,8 @@ class Schwarz:
         cuda = model.device.is_cuda
         self.module = f"{model.module}_schwarz"
         model.modules[self.module] = cg.THREADS if cuda else 1
-        self.filters, self.pairs, self.merge, self.points = (f(real, self.module) for f in (
-            setup.filters, setup.pairs, setup.blocks, setup.points))
+        self.filters, self.pairs, self.merge, self.sums, self.points = (f(real, self.module) for f in (
+            setup.filters, setup.pairs, setup.blocks, setup.sums, setup.points))
         self.factor, self.cg = setup.factor(real, self.module, cg.THREADS), cg.kernel(real, self.module)
         self.measure = residual.left(real, self.module)
 
@@ -88,6 +89,7 @@ class Schwarz:
             return wp.zeros(count, dtype=dtype, device=model.device)
         m.W, m.scratch = zeros(SIDE * SIDE * tree.matrices, real), zeros(SIDE * tree.matrices, real)
         m.pair = zeros(setup.TWELVE * len(tree.pair), o.vec12)
+        m.run = zeros(setup.TWELVE * int(tree.into.max(initial=-1) + 1), o.vec12)
         m.S, m.X = zeros(model.points, t.mat33), zeros(model.points, t.vec3)
         for name in ("into", "mid", "out"):
             setattr(k, name, zeros(3 * SIDE * groups, real))
@@ -112,7 +114,8 @@ class Schwarz:
         self.launch(self.filters, self.model.points, [A, x, d], [self.blocks])
         self.blocks.W.zero_()
         self.launch(self.pairs, 3 * len(tree.pair), [rows, A, self.table, self.blocks], [])
-        self.launch(self.merge, setup.TWELVE * len(tree.block), [self.table, self.blocks], [])
+        self.launch(self.merge, setup.TWELVE * len(tree.run), [self.table, self.blocks], [])
+        self.launch(self.sums, setup.TWELVE * len(tree.joined), [self.table, self.blocks], [])
         self.launch(self.points, self.model.points, [rows, A, self.table, self.blocks], [])
         self.launch(self.factor, tree.matrices * threads, [self.table, self.blocks], [])
 

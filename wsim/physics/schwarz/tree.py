@@ -10,6 +10,7 @@ from wsim.kernels.solver.schwarz.setup import LEAF, NODES, TWELVE
 from wsim.physics.schwarz.bisection import bisect
 
 POINTS = 8             # of a leaf, at most
+RUN = 16               # pairs of leaves that one thread sums a row of: blocks of the last levels have thousands
 
 
 @dataclass
@@ -27,8 +28,10 @@ class Tree:
     entry: np.ndarray
     block: np.ndarray
     about: np.ndarray
-    pairs: np.ndarray
     leaves: np.ndarray
+    run: np.ndarray
+    into: np.ndarray
+    joined: np.ndarray
     upper: np.ndarray
     node: np.ndarray
     above: np.ndarray
@@ -76,8 +79,21 @@ def build(places: np.ndarray, starts: np.ndarray, first: np.ndarray, column: np.
     block, about, pairs, leaves = _blocks(pair, group, place, node, upper, above)
     own = np.minimum(NODES, -(-(node[:, 2] - node[:, 0]) // np.maximum(node[:, 1], 1)))
     size = np.r_[3 * np.diff(begin[::LEAF]), np.full(group[-1], NODES * TWELVE), TWELVE * own]
-    return Tree(order, rank, begin, leaf, group, place, pair, part, entry, block, about, pairs, leaves, upper, node, above,
-                size, above.shape[1])
+    return Tree(order, rank, begin, leaf, group, place, pair, part, entry, block, about, leaves, *_runs(pairs), upper, node,
+                above, size, above.shape[1])
+
+
+def _runs(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """run, into and joined of blocks with pairs[e] .. pairs[e + 1] of `Tree.leaves`."""
+    counts = -(-np.diff(pairs) // RUN)
+    block = np.repeat(np.arange(len(counts)), counts)
+    first = pairs[block] + RUN * (np.arange(len(block)) - np.repeat(np.cumsum(counts) - counts, counts))
+    run = np.stack([block, first, np.minimum(first + RUN, pairs[block + 1])], axis=1)
+    several = counts[block] > 1
+    place = np.where(several, np.cumsum(several) - 1, -1)
+    long = np.flatnonzero(counts > 1)
+    end = np.cumsum(counts[long])
+    return run, place, np.stack([long, end - counts[long], end], axis=1)
 
 
 def _above(group: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
@@ -22,6 +22,10 @@ class Guarantee:
         self.add = pairs.settle_sums(real, module)
         self.claim, self.shorten = cut.claim(real, module), cut.shorten(real, module)
         self.cut, self.tell = cut.cut(real, module), cut.tell(real, module)
+        self.pinch: Any = None           # `wsim.physics.selfcontact.pinch.Pinch`, where there are colliders
+        if self.surfaces.obstacles:
+            from wsim.physics.selfcontact.pinch import Pinch
+            self.pinch = Pinch(model, near, self.surfaces.obstacles)
 
     def each(self, kernel, inputs: list, outputs: list) -> None:
         """Launches a kernel over all pairs that there is room for."""
@@ -38,6 +42,8 @@ class Guarantee:
         wp.capture_if(near.word(pairs.STRAYED), lambda: self.astray(at, again))
         wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d))
         wp.capture_while(near.word(pairs.LEFT), lambda: self.shrink(at, d, said))
+        if self.pinch:
+            self.pinch.tell(said)
         self.model.launch(self.tell, 1, [near.pairs], [near.words, said])
 
     def anew(self, at, again) -> None:
@@ -78,8 +84,12 @@ class Guarantee:
         near, data = self.near, self.surfaces.data
         near.look(at, 1)
         self.each(self.claim, [near.words, near.pairs], [near.sums])
-        self.each(self.shorten, [data, at, near.frames, near.words, near.pairs], [near.sums])
-        self.model.launch(self.cut, len(self.surfaces.points), [data, at, near.frames, near.words, near.sums], [d, said])
+        frames = near.frames
+        if self.pinch:
+            self.pinch.lead(at)
+            frames = self.pinch.frames
+        self.each(self.shorten, [data, at, frames, near.words, near.pairs], [near.sums])
+        self.model.launch(self.cut, self.surfaces.free["points"], [data, at, frames, near.words, near.sums], [d, said])
         near.word(pairs.OUT).zero_()
         self.certify(at)
         near.look(at)

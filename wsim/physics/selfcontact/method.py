@@ -53,7 +53,8 @@ class SelfContact(Method):
         self.points = b.methods.find("points")
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
-        self.surfaces = Surfaces(b.model, self.points.constants.w)
+        self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"))
+        self.obstacles = self.surfaces.obstacles
         self.reports = reports(self.surfaces)
         self.near = Near(b.model, self.surfaces)
         self.guarantee = Guarantee(b.model, self.near)
@@ -64,6 +65,8 @@ class SelfContact(Method):
         self.within = within = b.choice.solver == "xpbd"
         self.sweeps = SWEEPS if within else BEHIND
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
+        if self.obstacles:
+            what += f"; {len(self.obstacles.triangles)} triangles are colliders'"
         self.stages = [
             Stage("near pairs", "collide", self.find, 1, 0, what=what),
             Stage("self-contact", "solve", self.touch, 3 * self.sweeps, 0, "iteration" if within else "substep", "near pairs"),
@@ -79,13 +82,30 @@ class SelfContact(Method):
         """Words of a frame, on the device."""
         return self.status.word(SAID)
 
-    def at(self):
+    def own(self):
+        """State of the points, as a launch reads it."""
         s = self.state
         return filled(states(self.model.real), x=s.x, e=s.e, d=s.d, a=self.points.anchor)
+
+    def at(self):
+        """The same, with colliders."""
+        return self.obstacles.state if self.obstacles else self.own()
+
+    def borrow(self) -> None:
+        if self.obstacles:
+            self.obstacles.borrow(self.own())
+
+    def give(self) -> None:
+        """What colliders' company has moved, back to the state."""
+        if self.obstacles:
+            self.model.launch(self.obstacles.hand, self.model.points, [self.obstacles.state.d], [self.state.d])
 
     def find(self, clock: Clock) -> None:
         """Makes the list if it does not hold on, and looks at where its pairs are."""
         import warp as wp
+        if self.obstacles:
+            self.obstacles.move(clock)
+            self.borrow()
         wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at()))
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(self.at()))
 
@@ -97,18 +117,22 @@ class SelfContact(Method):
 
     def sweep(self, clock: Clock, count: int) -> None:
         """Sweeps over all pairs."""
-        near, data, at, d, climb = self.near, self.surfaces.data, self.at(), self.state.d, RECOVERY * clock.h
+        near, data, at, climb = self.near, self.surfaces.data, self.at(), RECOVERY * clock.h
+        self.borrow()
         threads = near.pairs.capacity if self.model.device.is_cuda else 1
         for k in range(count):
             self.model.launch(self.lean, threads, [at, climb, int(k == count - 1), threads, near.pairs], [near.sums])
             self.model.launch(self.press, threads, [data, at, climb, threads, near.pairs], [near.sums])
-            self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, d, near.sums], [d])
+            self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, near.sums], [at.d])
+        self.give()
 
     def keep(self, clock: Clock) -> None:
         def again() -> None:
             self.near.search(self.at())
             self.guarantee.begin(self.at())
-        self.guarantee.keep(self.at(), self.state.d, again, self.said)
+        self.borrow()
+        self.guarantee.keep(self.at(), self.at().d, again, self.said)
+        self.give()
 
     # around a frame
 
@@ -121,6 +145,9 @@ class SelfContact(Method):
             self.near.build()
         else:
             self.near.anew()
+        self.surfaces.weigh(self.points.constants.w)
+        if self.obstacles:
+            self.obstacles.before_frame(time, clock)
         self.near.allow(ROUNDS * MORE if self.often else ROUNDS)
         self.fresh = False
 
@@ -160,6 +187,10 @@ class SelfContact(Method):
         if said[cut.STAYED]:
             found.append((("self-contact", "held"), float(said[cut.STAYED]), "surfaces were held where they were in {worst} "
                           "substeps: nothing else kept them from passing through each other; is something pinched?"))
+        if said[cut.PINCHED]:
+            body = next(b for b in self.model.bodies if said[cut.WHERE] <= b.last)
+            found.append((("self-contact", "pinched"), float(said[cut.PINCHED]), f"colliders left no room for {body.path}: "
+                          "{worst} pairs of surfaces, counted in each substep, had no way out, and pass through each other"))
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
@@ -168,6 +199,7 @@ class SelfContact(Method):
         near = self.near.pairs
         count = min(int(near.count.numpy()[0]), near.capacity)
         total = {name: float(self.total[k]) for name, k in (("searches", cut.SEARCHES), ("projected", cut.PROJECTED),
-                                                            ("cut", cut.CUT), ("held", cut.STAYED))}
+                                                            ("cut", cut.CUT), ("held", cut.STAYED),
+                                                            *[("pinched", cut.PINCHED)][:bool(self.obstacles)])}
         gap = {"least_gap": float(near.gap.numpy()[:count].min())} if count else {}
         return {"near_pairs": float(count), **gap, **total, "repeated": float(self.repeats)}

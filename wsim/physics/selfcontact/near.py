@@ -33,23 +33,35 @@ class Near:
         self.axes, self.watch = tubes.axes(real, module), tubes.watch(real, module)
         self.boxes, self.reach, self.roots = search.boxes(real, module), search.reach(real, module), roots(module)
         self.listed = search.listed(module)
-        zeros, n = partial(wp.zeros, device=device), model.points
+        zeros, n = partial(wp.zeros, device=device), surfaces.total
         self.words = zeros(pairs.WORDS, dtype=int)
         self.sums = filled(pairs.sums(real), move=zeros(3 * n, dtype=wp.int64), share=zeros(n, dtype=int),
                            factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
-        self.frames = filled(tubes.frames(real), rigid=zeros(3, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
+        self.frames = filled(tubes.frames(real), rigid=zeros(4, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
                              start=zeros(n, dtype=t.vec3), goal=zeros(n, dtype=t.vec3))
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
-        self.trees: list[wp.Bvh | None] = []             # of triangles, of edges; None where there are none: rods have edges
+        self.trees: list[wp.Bvh | None] = []             # None over nothing: rods have edges alone
         self.low, self.high = ([zeros(len(each), dtype=wp.vec3f) for each in (surfaces.triangles, surfaces.edges)]
                                for _ in range(2))
-        self.groups = [model.upload(surfaces.world[each[:, 0]], int) for each in (surfaces.triangles, surfaces.edges)]
-        self.root = [zeros(model.worlds, dtype=int) for _ in range(2)]
+        self.spans = self._spans()
+        self.root = [zeros(model.worlds, dtype=int) for _ in self.spans]
         self.age = self.rounds = 0
         self.epoch = 1
         self.room(max(1024, EACH * len(surfaces.points)))
+
+    def _spans(self) -> list[tuple[int, slice]]:
+        """Kind and stretch of each tree: triangles and edges that are no collider's, then those that are."""
+        free, found = self.surfaces.free, [(0, "triangles"), (1, "edges")]
+        own = [(kind, slice(0, free[name])) for kind, name in found]
+        return own + [(kind, slice(free[name], None)) for kind, name in found if self.surfaces.obstacles]
+
+    def _searches(self) -> list[tuple[int, int, int, int]]:
+        """(kind, first and number of the points or edges that look, tree that they look into): no collider into another."""
+        free, points = self.surfaces.free, len(self.surfaces.points)
+        own = [(0, 0, points, 0), (1, 0, free["edges"], 1)]
+        return own + [(0, 0, free["points"], 2), (1, 0, free["edges"], 3)] if points > free["points"] else own
 
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
@@ -87,13 +99,16 @@ class Near:
         self.frames.start.assign(start)
         self.frames.goal.assign(start)
         self._boxes()
-        self.trees = [wp.Bvh(low, high, groups=g) if len(low) else None
-                      for low, high, g in zip(self.low, self.high, self.groups, strict=True)]
+        s = self.surfaces
+        groups = [self.model.upload(s.world[each[:, 0]], int) for each in (s.triangles, s.edges)]
+        self.trees = [wp.Bvh(self.low[kind][span], self.high[kind][span], groups=groups[kind][span])
+                      if len(self.low[kind]) else None for kind, span in self.spans]
         self._roots()
 
     def _roots(self) -> None:
-        for tree, root in ((t, r) for t, r in zip(self.trees, self.root, strict=True) if t):
-            self.model.launch(self.roots, len(root), [tree.id], [root])
+        for tree, root in zip(self.trees, self.root, strict=True):
+            if tree:
+                self.model.launch(self.roots, len(root), [tree.id], [root])
 
     def _boxes(self) -> None:
         for kernel, low, high in zip(self.boxes, self.low, self.high, strict=True):
@@ -126,10 +141,12 @@ class Near:
         self._boxes()
         self.pairs.count.zero_()
         widest = s.thickness + s.data.radius
-        for kind, (tree, root, n) in enumerate(zip(self.trees, self.root, (len(s.points), len(s.edges)), strict=True)):
-            if tree:
-                tree.refit()
-                launch(self.reach, n, [s.data, f, kind, tree.id, root, widest], [self.pairs])
+        for tree in filter(None, self.trees):
+            tree.refit()
+        for kind, first, n, k in self._searches():
+            start = wp.vec2i(first, self.spans[k][1].start)
+            if over := self.trees[k]:
+                launch(self.reach, n, [s.data, f, kind, start, over.id, self.root[k], widest], [self.pairs])
         launch(self.listed, 1, [self.pairs.count], [self.words])
 
     def look(self, at, stop: int = 0) -> None:

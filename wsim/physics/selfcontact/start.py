@@ -22,19 +22,24 @@ NAMED = 3              # places that are told
 def reports(surfaces: Surfaces) -> list[str]:
     """Warnings about the surfaces of the first world, by prim path, each with what would do."""
     bodies = [b for b in surfaces.bodies if b.world == 0]
-    return [*_crossed(bodies), *(text for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces)))]
+    return [*_crossed(bodies, surfaces), *(text for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces)))]
 
 
-def _crossed(bodies: list[Body]) -> list[str]:
-    """Triangles without a common point that intersect, by the exact test."""
+def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[str]:
+    """Triangles without a common point that intersect, by the exact test; not those of two colliders."""
     first = np.cumsum([0, *(b.count for b in bodies)])
     x = np.concatenate([b.places + (b.origin - bodies[0].origin) for b in bodies])
     triangles = np.concatenate([b.triangles - b.first + start for b, start in zip(bodies, first, strict=False)])
-    found = crossings(x, triangles, neighbours=False)
+    own, names, o = len(triangles), [b.path for b in bodies], surfaces.obstacles
+    if o:
+        first, world = np.append(first, first[-1] + np.cumsum([len(e.own) for e in o.each])), o.world == 0
+        triangles = np.concatenate([triangles, *(e.triangles + s for e, s in zip(o.each, first[len(bodies):], strict=False))])
+        x, names = np.concatenate([x, o.start()[world]]), [*names, *(o.contacts.rows.colliders[e.number].path for e in o.each)]
+    found = crossings(x, triangles, neighbours=False, own=own)
     if not len(found):
         return []
     of = np.searchsorted(first, triangles[:, 0], side="right") - 1
-    where = [f"{bodies[of[s]].path} and {bodies[of[t]].path} at ({', '.join(f'{v:.4g}' for v in place)}) m"
+    where = [f"{names[of[s]]} and {names[of[t]]} at ({', '.join(f'{v:.4g}' for v in place)}) m"
              for s, t in found[:NAMED] for place in [x[triangles[[s, t]]].mean(axis=(0, 1)) + bodies[0].origin]]
     return [f"{len(found)} pairs of triangles intersect where surfaces start, such as {'; '.join(where)}: they are held as "
             "they are, and nothing is proven of them; move them apart there"]

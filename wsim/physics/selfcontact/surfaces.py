@@ -11,9 +11,12 @@ from wsim.geometry import topology
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs as kernels
 from wsim.model.structs import filled
+from wsim.physics.selfcontact import obstacles
+from wsim.physics.selfcontact.obstacles import Obstacles
 
 if TYPE_CHECKING:
     from wsim.model.model import Body, Model
+    from wsim.physics.contact.contacts import Contacts
 
 SOFT = 0.1             # thickness of the skin of a soft body over its mean edge: none is authored
 TUBE = 0.75            # radius of tubes over the largest thickness; smaller: more searches, larger: more pairs
@@ -28,20 +31,43 @@ def touching(model: Model) -> list[Body]:
 
 
 class Surfaces:
-    """data: struct of the tables. triangles, edges: places; world: of each point."""
+    """data: struct of the tables. triangles, edges, points: places, those of colliders last; free: how many of each are no
+    collider's; world: of each point; obstacles: colliders, or None; total: number of places, with theirs."""
 
-    def __init__(self, model: Model, w: wp.array):
+    def __init__(self, model: Model, w: wp.array, contacts: Contacts | None = None):
         """w: inverse masses [1/kg] of all points."""
         self.bodies = touching(model)
         self.triangles = model.shared(np.concatenate([b.triangles for b in self.bodies])).astype(np.int32)
         self.edges = topology.edges(self.triangles).astype(np.int32)
         self.points = np.unique(self.triangles).astype(np.int32)
-        self.base = self.bodies[0].origin
+        self.free = {"triangles": len(self.triangles), "edges": len(self.edges), "points": len(self.points)}
+        self.base, self.total = self.bodies[0].origin, model.points
         self.world = np.repeat([b.world for b in model.bodies], [b.count for b in model.bodies]).astype(np.int32)
         self.reach, self.edge = self._reach(model)
         self.thickness = 2.0 * float(self.reach[self.points].max())
         self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)
-        self.data = self._upload(model, w)
+        met = obstacles.met(model, contacts)
+        self.obstacles = Obstacles(model, contacts, met, self.bodies) if contacts and met else None
+        self.w = w
+        if self.obstacles:
+            self._meet(self.obstacles)
+        self.data = self._upload(model)
+
+    def _meet(self, o: Obstacles) -> None:
+        """Appends what colliders have."""
+        self.total = o.total
+        self.w = wp.zeros(self.total, dtype=self.w.dtype, device=self.w.device)
+        self.triangles = np.concatenate([self.triangles, o.triangles])
+        self.edges = np.concatenate([self.edges, topology.edges(o.triangles).astype(np.int32)])
+        self.points = np.concatenate([self.points, o.points])
+        self.world = np.concatenate([self.world, o.world])
+        self.thickness = max(self.thickness, 0.5 * self.thickness + float(o.reach.max()))
+        self.reach = np.concatenate([self.reach, o.reach])
+
+    def weigh(self, w: wp.array) -> None:
+        """Inverse masses as they are now; not captured."""
+        if self.obstacles:
+            wp.copy(self.w, w, count=len(w))
 
     def _reach(self, model: Model) -> tuple[np.ndarray, float]:
         """Half thickness of every point [m], and the mean edge at rest [m]."""
@@ -52,25 +78,38 @@ class Surfaces:
             reach[b.first:b.last] = np.where(b.reach > 0.0, b.reach, 0.5 * SOFT * lengths[-1].mean())
         return reach, float(np.concatenate(lengths).mean())
 
-    def _upload(self, model: Model, w: wp.array) -> Any:
-        t, each = types(model.real), [b.count for b in model.bodies]
+    def _columns(self, model: Model) -> dict[str, np.ndarray]:
+        """Tables by point, in float64."""
+        each = [b.count for b in model.bodies]
         frames = [b.source.motion.at(0.0) for b in model.bodies]
-        by_body = {"shift": [b.origin - self.base for b in model.bodies],
-                   "far": [b.origin - m[:3, 3] for b, m in zip(model.bodies, frames, strict=True)]}
-        unit = [WRITTEN * np.linalg.cond(m[:3, :3]) for m in frames]
         tied = model.alias is not None
         rest = np.concatenate([b.places + b.origin - self.base if tied else b.rest for b in model.bodies])
-        friction = np.repeat([b.friction for b in model.bodies], each, axis=0)
+        found = {"rest": rest, **{name: np.repeat(np.array(values), each, axis=0) for name, values in (
+            ("shift", [b.origin - self.base for b in model.bodies]),
+            ("far", [b.origin - m[:3, 3] for b, m in zip(model.bodies, frames, strict=True)]),
+            ("unit", [WRITTEN * np.linalg.cond(m[:3, :3]) for m in frames]),
+            ("friction", [b.friction for b in model.bodies]))}}
+        if self.obstacles:
+            o, n = self.obstacles, self.total - model.points
+            more = {"rest": o.start(), "shift": np.zeros((n, 3)), "far": np.zeros((n, 3)), "friction": o.friction,
+                    "unit": np.full(n, obstacles.STEPS * WRITTEN)}
+            found = {name: np.concatenate([values, more[name]]) for name, values in found.items()}
+        return found
+
+    def _upload(self, model: Model) -> Any:
+        t = types(model.real)
+        dtypes = {"rest": t.vec3, "shift": t.vec3, "far": t.vec3, "friction": t.vec2, "unit": t.scalar}
+        body = np.repeat([b.number for b in model.bodies], [b.count for b in model.bodies]).astype(np.int32)
+        body = np.concatenate([body, self.obstacles.body]) if self.obstacles else body
         return filled(
-            kernels.surfaces(model.real), w=w, point=model.upload(self.points, int),
+            kernels.surfaces(model.real), w=self.w, point=model.upload(self.points, int),
             triangle=model.upload(self.triangles, wp.vec3i), edge=model.upload(self.edges, wp.vec2i),
-            unit=model.upload(np.repeat(unit, each).astype(model.dtype), t.scalar),
-            reach=model.upload(self.reach.astype(model.dtype), t.scalar),
-            friction=model.upload(friction.astype(model.dtype), t.vec2), rest=model.upload(rest.astype(model.dtype), t.vec3),
-            body=model.upload(np.repeat([b.number for b in model.bodies], each).astype(np.int32), int),
-            world=model.upload(self.world, int), beta=self.beta, radius=2.01 * self.beta, tied=int(tied), ulp=ULP[model.dtype],
-            **{k: model.upload(np.repeat(np.array(v, model.dtype), each, axis=0), t.vec3) for k, v in by_body.items()})
+            reach=model.upload(self.reach.astype(model.dtype), t.scalar), body=model.upload(body, int),
+            world=model.upload(self.world, int), beta=self.beta, radius=2.01 * self.beta, tied=int(model.alias is not None),
+            ulp=ULP[model.dtype], **{name: model.upload(values.astype(model.dtype), dtypes[name])
+                                     for name, values in self._columns(model).items()})
 
     def start(self, model: Model) -> np.ndarray:
-        """Where all points begin, from the origin that surfaces share [m], (points, 3)."""
-        return np.concatenate([b.places + (b.origin - self.base) for b in model.bodies])
+        """Where all points begin, from the origin that surfaces share [m], (total, 3)."""
+        own = np.concatenate([b.places + (b.origin - self.base) for b in model.bodies])
+        return np.concatenate([own, self.obstacles.start()]) if self.obstacles else own

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from wsim.physics.soft.plastic import Plastic
 
 LANES = 4096           # threads that sum the energy
+PACKETS = "corotational", "neo_hookean"         # materials that packets of tets know
 
 
 class Tetrahedra:
@@ -46,6 +47,7 @@ class Tetrahedra:
         self.damped = bool(tau.any())
         self.q = wp.zeros(points * self.size, dtype=t.quat, device=model.device)
         self.plastic: Plastic | None = None
+        self.packet = 0                   # tets that a thread takes, where it takes several
         self.flows = True                 # where forces are asked for; with Newton's method where a step ends
         self.kept: state.Part | None = None     # of the state: what outlives a frame
         if any(m.yield_strain < inf for p in self.parts for m in p.soft.materials):
@@ -79,14 +81,19 @@ class Tetrahedra:
         self.data.force, self.data.block = force, block
 
     def need_forces(self) -> None:
-        """Makes the kernel that `forces` launches."""
-        self.pull = self.maths.forces(self.material, self.damped, real=self.model.real, module=self.model.module)
+        """Makes the kernel that `forces` launches: of a CPU over packets of tets, see kernels/soft/packets.py."""
+        maths, model = self.maths, self.model
+        if not (model.device.is_cuda or model.gradients) and maths is fem and self.material in PACKETS:
+            from wsim.kernels.soft import packets
+            maths, self.packet = packets, packets.EIGHT
+        self.pull = maths.forces(self.material, self.damped, real=model.real, module=model.module)
 
     def forces(self, x: wp.array, d: wp.array, v: wp.array, force: wp.array | None) -> None:
         """Launches the forces of corners at displacements d and velocities v, where tets have flowed."""
         if self.plastic and self.flows:
             self.plastic.flow(x, d)
-        self.model.launch(self.pull, self.size, [self.data, x, d, v, self.q], [force, self.q])
+        size = [self.size] if self.packet else []
+        self.model.launch(self.pull, -(-self.size // (self.packet or 1)), [self.data, *size, x, d, v, self.q], [force, self.q])
 
     def kernels(self) -> list:
         """Kernels of Newton's method: `linearise` and `energy_change`."""

@@ -7,6 +7,7 @@ import warp as wp
 
 from wsim.geometry.sheet_ordering import lowest
 from wsim.geometry.topology import order_of
+from wsim.kernels.math.block import BLOCK
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import xpbd as kernels
 from wsim.model.model import Model
@@ -16,8 +17,9 @@ from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import SHEET
 from wsim.physics.cloth.table import Table
 
-FUSE = 512            # constraints of the largest colour up to which one block takes all colours in a launch. H200: 1k points
-                      # 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3
+FUSE = 512            # constraints of a world's largest colour up to which one block takes all its colours in a launch. H200:
+                      # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3
+THREADS, WORLDS = 128, 64     # of a block, where so many worlds or more have one each
 
 
 class Batch(Table):
@@ -33,11 +35,16 @@ class Batch(Table):
         self.damped = any(r.tau > 0.0 for r in rows)
         paths = {r.body.path for r in rows if r.body is not None}
         self.uniform = len(paths) == model.worlds == 1 and self.one() and not model.gradients and not sheet
-        self.fused = FUSE > 0 and not model.fuser and (not model.device.is_cuda or int(np.diff(self.starts).max()) <= FUSE)
+        self.worlds = 1 if model.gradients else model.worlds          # blocks of a sweep; with adjoints there is one
+        largest = int(np.diff(self.starts).max()) // self.worlds
+        self.fused = FUSE > 0 and not model.fuser and (not model.device.is_cuda or largest <= FUSE)
+        self.threads = THREADS if self.worlds >= WORLDS else BLOCK
         self.remade = False
         self.adjoint: Any = None
         _, self.kernel = self.make()
         self.begin = model.upload(self.starts.astype(np.int32), int)
+        each = np.diff(self.starts) // self.worlds
+        self.colours = model.upload(np.stack([self.starts[:-1], each], 1).astype(np.int32), wp.vec2i)
         self.comply()
         if self.damped:
             self.relax()
@@ -82,9 +89,13 @@ class Batch(Table):
     def make(self) -> tuple:
         """Struct of the table, and the kernel."""
         model = self.model
-        make, module = (kernels.sweep, model.sweep_module) if self.fused else (kernels.projection, model.module)
-        return make(self.row.equation, real=model.real, module=module, multipliers=self.multipliers, damped=self.damped,
-                    uniform=self.uniform, exact=model.gradients)
+        kind = {"real": model.real, "multipliers": self.multipliers, "damped": self.damped, "uniform": self.uniform,
+                "exact": model.gradients}
+        if not self.fused:
+            return kernels.projection(self.row.equation, module=model.module, **kind)
+        apart = model.device.is_cuda and self.threads != BLOCK
+        module = model.module_of(self.threads) if apart else model.sweep_module
+        return kernels.sweep(self.row.equation, module=module, threads=self.threads, **kind)
 
     def omega(self, clock: Clock) -> float:
         """Over-relaxation of this iteration."""

@@ -130,9 +130,16 @@ class System:
         self.of = model.upload(np.repeat(np.arange(self.systems), np.diff(self.starts)).astype(np.int32), int)
         self.drop, self.count = self.zeros(self.systems, wp.float64), self.zeros(self.systems, int)
         kinds = model.real, self.coarse.module if self.coarse else model.sweep_module, len(springs) > 0, paired
+        self.cluster = None
+        if paired and model.device.is_cuda and not (len(springs) or coarse or schwarz):
+            from wsim.physics.fused.conjugate import cluster_of
+            self.cluster = cluster_of(model, int(np.diff(self.starts).max()), self.systems, int(np.diff(b.first).max()))
         self.large = bool(coarse) or int(np.diff(self.starts).max()) > FUSE["cuda" if model.device.is_cuda else "cpu"]
         if self.schwarz:
             pass                                       # has kernels of its own
+        elif self.cluster:
+            from wsim.kernels.fused.conjugate import solve
+            self.kernel = solve(model.real, model.module_of(self.cluster.threads), self.cluster)
         elif self.large:
             self.kernels, self.chunks = pcg.several(*kinds, bool(coarse)), self.cut()
         else:
@@ -165,6 +172,10 @@ class System:
         if self.schwarz:
             self.schwarz.setup(self.rows, A, *at)
             self.schwarz.solve(self.rows, A, f, tolerance, cap, self.v, self.drop, self.count)
+            return
+        if self.cluster:
+            self.model.launch_blocks(self.kernel, self.systems * self.cluster.size, self.cluster.threads,
+                                     [self.rows, A, f, tolerance, cap, self.v], [self.drop, self.count])
             return
         if not self.large:
             self.launch(self.kernel, [self.rows, A, f, tolerance, cap, self.v], [self.drop, self.count])

@@ -86,16 +86,17 @@ def test_bisection_leaves_parts_of_equal_size_that_hang_together():
     assert np.array_equal(bisect(np.zeros((5, 3)), 3), bisect(np.zeros((5, 3)), 3))
 
 
-@pytest.mark.parametrize("points, levels", [(8, 1), (1, 2)])
-def test_the_preconditioner_is_the_sum_over_the_domains_of_all_levels(points, levels, monkeypatch):
-    """Leaves of one point have more motions than they need: those that are none are left out."""
+@pytest.mark.parametrize("points, levels, run", [(8, 1, 16), (1, 2, 3)])
+def test_the_preconditioner_is_the_sum_over_the_domains_of_all_levels(points, levels, run, monkeypatch):
+    """Leaves of one point have more motions than they need: those that are none are left out. Short runs are summed apart."""
     monkeypatch.setattr(tree, "POINTS", points)
+    monkeypatch.setattr(tree, "RUN", run)
     probe = Sheet()
     r = np.random.default_rng(2).normal(size=3 * probe.n)
     S = probe.free[:, None, None] * np.eye(3)
     wanted = probe.dense(S) @ r
     np.testing.assert_allclose(probe.apply(r), wanted, atol=1e-7 * np.abs(wanted).max())
-    assert probe.schwarz.tree.levels == levels
+    assert probe.schwarz.tree.levels == levels and len(probe.schwarz.tree.joined) > 0
 
 
 def test_filtered_directions_are_in_no_domain():

@@ -1,0 +1,128 @@
+"""Points of mesh colliders among those of surfaces: inverse mass 0, and a path that nothing changes.
+
+A point q of a collider in its own frame, at substep k of a frame, stands at p_k = fl(M_k q_k - base), worked out in float64 and
+rounded once, so that the end of a substep is the start of the next one. It goes along a straight line between:
+
+    x = p_k,   e = 0,   d = p_{k+1} - p_k,   a = (1 - g / h) d
+
+with a the anchor that makes (d - a) / g the velocity d / h of the collider, g the integrator's effective step.
+
+Cuts about colliders: motions of free points are shortened towards one rigid motion (kernels/selfcontact/cut.py). A collider is
+never cut, so that where one takes part it is the motion of its points that all are cut towards: the least squares fit of what
+those of pairs without a proof do, exact for a rigid collider, 0 for one at rest.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import cut, pairs
+from wsim.kernels.selfcontact.tubes import frames
+
+
+@cache
+def place(real, module):
+    """Kernel: x, d, a of the points of one collider in substep k. own: numbers of the points of its mesh, (m,); M: its frames
+    at the ends of substeps; track: its points at these, (substeps + 1, n), or always, (1, n); part: 1 - g / h."""
+    t = types(real)
+
+    @wp.func
+    def at(M: wp.array(dtype=wp.mat44d), track: wp.array2d(dtype=wp.vec3f), k: int, j: int):
+        q = track[wp.min(k, track.shape[0] - 1), j]
+        p = wp.transform_point(M[k], wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2])))
+        return t.vec3(real(p[0]), real(p[1]), real(p[2]))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def place_points(own: wp.array(dtype=int), M: wp.array(dtype=wp.mat44d), track: wp.array2d(dtype=wp.vec3f), k: int,
+                     part: real, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        j = own[i]
+        begin = at(M, track, k, j)
+        way = at(M, track, k + 1, j) - begin
+        x[i] = begin
+        d[i] = way
+        a[i] = part * way
+
+    return place_points
+
+
+@cache
+def weigh(real, module):
+    """Kernel: 1 for the points of colliders whose pairs lack a proof, else 0."""
+    Sums = pairs.sums(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def weigh_points(point: wp.array(dtype=int), words: wp.array(dtype=int), to: Sums, w: wp.array(dtype=real)):
+        i = point[wp.tid()]
+        w[i] = wp.where(to.cut[i] == words[pairs.EPOCH], real(1.0), real(0.0))
+
+    return weigh_points
+
+
+@cache
+def pick(real, module):
+    """Kernel: the rigid motion that cuts are towards: that of colliders where they take part, which rigid[3] says, else that
+    of all. a: sums of `tubes.tally` over points of colliders."""
+    vec3, Frames = types(real).vec3, frames(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def pick_motion(a: wp.array2d(dtype=real), solid: Frames, common: Frames, out: Frames):
+        led = a[0, 0] > real(0.0)
+        for k in range(3):
+            if led:
+                out.rigid[k] = solid.rigid[k]
+            else:
+                out.rigid[k] = common.rigid[k]
+        out.rigid[3] = vec3(wp.where(led, real(1.0), real(0.0)), real(0.0), real(0.0))
+
+    return pick_motion
+
+
+@cache
+def pinched(real, module):
+    """Kernel: counts the pairs of a collider that no cut has given a proof. first: place of the first point of a collider."""
+    Pairs = pairs.lists(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def count_pinched(near: Pairs, first: int, words: wp.array(dtype=int), said: wp.array(dtype=int)):
+        i = wp.tid()
+        if i == 0:
+            words[pairs.PINCH] = 0
+        if i < wp.min(near.count[0], near.capacity) and near.bad[i] == 1:
+            ids = near.ids[i]
+            free = wp.min(ids[0], ids[3])
+            if wp.max(ids[0], ids[3]) >= first:
+                wp.atomic_add(said, cut.PINCHED, 1)
+                wp.atomic_max(said, cut.WHERE, free + 1)
+
+    return count_pinched
+
+
+@cache
+def lend(real, module):
+    """Kernel: state of free points to the longer arrays that hold colliders' points as well."""
+    State = states(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def lend_points(at: State, to: State):
+        i = wp.tid()
+        to.x[i] = at.x[i]
+        to.e[i] = at.e[i]
+        to.d[i] = at.d[i]
+        to.a[i] = at.a[i]
+
+    return lend_points
+
+
+@cache
+def hand(real, module):
+    """Kernel: copies the vectors of free points."""
+    vectors = wp.array(dtype=types(real).vec3)
+
+    def hand_points(of: vectors, out: vectors):
+        i = wp.tid()
+        out[i] = of[i]
+
+    return wp.kernel(hand_points, name=f"hand_points_{types(real).name}", module=module, enable_backward=False)

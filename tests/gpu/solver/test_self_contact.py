@@ -1,0 +1,33 @@
+"""On a GPU: surfaces against corners of a mesh collider, captured, have no intersection, and go as on the CPU until rounding
+grows. Skipped where there is no device."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.physics.selfcontact.rig import run, said
+from tests.physics.selfcontact.test_colliders import crossed, dropped, spike, turning
+
+wp.init()
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
+
+
+@pytest.mark.parametrize("solver", ["xpbd", "explicit"])
+def test_a_cloth_on_a_spike_is_that_of_the_cpu(solver):
+    sims = [run(dropped(spike(), turning(2, 1.0), solver=solver), device) for device in ("cpu", "cuda:0")]
+    for frame in range(12):
+        for sim in sims:
+            sim.step()
+            assert crossed(sim) == 0
+        if frame < 4:
+            np.testing.assert_allclose(*(sim.positions("/cloth") for sim in sims), rtol=0.0, atol=1e-4)
+    assert said(sims[1])["near_pairs"] > 0 and said(sims[1])["held"] == 0
+
+
+def test_results_are_the_same_from_run_to_run():
+    found = []
+    for _ in range(2):
+        sim = run(dropped(spike(), turning(2, 1.0)), "cuda:0")
+        sim.run(10)
+        found.append(sim.positions("/cloth"))
+    assert np.array_equal(*found)
