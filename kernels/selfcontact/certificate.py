@@ -123,6 +123,7 @@ def inspect(real, module):
             near.away[i] = wp.dot(m, b[1] * q1 + b[2] * q2 + b[3] * q3)
             near.gap[i] = gap
             near.least[i] = written(s, at, kind, ids)
+            near.past[i] = near.push[i]
             near.push[i] = zero
             if meets(s, at, ids, b, m, near.away[i], near.keep[i]) > 0:
                 near.row[wp.atomic_add(near.rows, 0, 1)] = i

@@ -12,6 +12,9 @@ colliders take part, R is what they do (kernels/selfcontact/obstacles.py), and w
 close a gap from two sides leave pairs without a proof then, which are counted.
 
 Motions are only ever made shorter (monotone), by minima, which need no order.
+
+Energy that cuts take is counted as sum m (|d|^2 - |d'|^2) of displacements, beside sum m |d|^2 of all points, so that their
+ratio over h is the part of the kinetic energy that is lost a second; in whole numbers of UNIT, as kernels/selfcontact/pairs.py.
 """
 
 from functools import cache
@@ -21,7 +24,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
-from wsim.kernels.selfcontact.tubes import carried, frames
+from wsim.kernels.selfcontact.tubes import ENERGY, carried, frames
 
 KEPT = 0.45
 ALL, HELD, STILL = 8, 9, 10              # rounds from which on: all are cut; pairs without a proof are held; all are
@@ -29,9 +32,13 @@ ROUNDS = 11
 # words that a frame leaves behind: pairs that there was no room for; substeps that were projected, of rounds; cut; most percent
 # of its motion that a point lost; substeps in which all were cut; in which some were held; pairs that began too near, at most;
 # searches; points that were cut; 1: pairs are listed; pairs with colliders that are left without a proof, over all substeps;
-# the place of a point of one, and 1
+# the place of a point of one, and 1; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and of what was cut of it;
+# substeps running in which a point lost more than LOSS of its motion, at most and at the end
 WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY, PINCHED, WHERE = range(13)
-SAID = 13
+MOVED, TAKEN, RUN, RUNNING = range(13, 17)
+SAID = 17
+LOSS = 0.05            # of its motion that a point may lose in a substep
+UNIT = 2.0 ** 56       # per kg m^2
 
 
 @cache
@@ -84,6 +91,12 @@ def cut(real, module):
     Surfaces, State, Frames, Sums = pairs.surfaces(real), states(real), frames(real), pairs.sums(real)
     carry = carried(real)
 
+    @wp.func
+    def spend(w: real, before: t.vec3, after: t.vec3, to: Sums):
+        if w > real(0.0):
+            taken = (wp.dot(before, before) - wp.dot(after, after)) / w
+            wp.atomic_add(to.taken, 0, wp.int64(real(UNIT) * taken))
+
     @wp.kernel(module=module, enable_backward=False)
     def cut_motion(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int), to: Sums, d_out: wp.array(dtype=t.vec3),
                    said: wp.array(dtype=int)):
@@ -95,16 +108,22 @@ def cut(real, module):
             stay = t.vec3()
             if f.rigid[3][0] > real(0.0):
                 stay = carry(f, (at.x[i] + s.shift[i]) + at.e[i])
+            spend(s.w[i], at.d[i] - at.e[i], stay, to)
             d_out[i] = at.e[i] + stay
             wp.atomic_max(said, LOST, 100)
+            words[pairs.WORST] = 1
         elif factor < real(1.0):
             rigid = carry(f, (at.x[i] + s.shift[i]) + at.e[i])
             beside = (at.d[i] - at.e[i]) - rigid
+            way = at.d[i] - at.e[i]
+            whole = wp.length(way)
+            spend(s.w[i], way, rigid + factor * beside, to)
             d_out[i] = at.e[i] + (rigid + factor * beside)
-            whole = wp.length(at.d[i] - at.e[i])
             if whole > real(0.0):
                 lost = (real(1.0) - factor) * wp.length(beside) / whole
                 wp.atomic_max(said, LOST, wp.min(int(real(100.0) * lost), 100))
+                if lost > real(LOSS):
+                    words[pairs.WORST] = 1
             wp.atomic_add(said, POINTS, 1)
 
     return cut_motion
@@ -112,11 +131,24 @@ def cut(real, module):
 
 @cache
 def tell(real, module):
-    """Kernel: what a substep needed, to the words of the frame, and the words of the next one."""
-    Pairs = pairs.lists(real)
+    """Kernel: what a substep needed, to the words of the frame, and the words of the next one. moments: sums of the motion
+    (kernels/selfcontact/tubes.py)."""
+    Pairs, Sums = pairs.lists(real), pairs.sums(real)
+
+    @wp.func
+    def more(said: wp.array(dtype=int), k: int, value: float):
+        said[k] = wp.cast(wp.cast(said[k], wp.float32) + value, int)
 
     @wp.kernel(module=module, enable_backward=False)
-    def tell_frame(near: Pairs, words: wp.array(dtype=int), said: wp.array(dtype=int)):
+    def tell_frame(near: Pairs, moments: wp.array2d(dtype=real), to: Sums, words: wp.array(dtype=int),
+                   said: wp.array(dtype=int)):
+        more(said, MOVED, float(moments[0, ENERGY]))
+        more(said, TAKEN, float(wp.float64(to.taken[0]) / wp.float64(UNIT)))
+        to.taken[0] = wp.int64(0)
+        words[pairs.RUN] = wp.where(words[pairs.WORST] > 0, words[pairs.RUN] + 1, 0)
+        words[pairs.WORST] = 0
+        said[RUN] = wp.max(said[RUN], words[pairs.RUN])
+        said[RUNNING] = words[pairs.RUN]
         if near.count[0] > near.capacity:
             wp.atomic_max(said, WANTED, near.count[0])
         rounds = words[pairs.SWEPT]

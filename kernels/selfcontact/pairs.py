@@ -20,9 +20,11 @@ OVER = 1.6                               # over-relaxation of sweeps along norma
 # Words on the device: a search before the next solve; pairs are listed; projections go on; cuts go on; the round of either;
 # projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
 # and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
-# lists that were made in this substep; points out of their tubes behind projections; cuts have ended, and pairs lack a proof
+# lists that were made in this substep; points out of their tubes behind projections; cuts have ended, and pairs lack a proof;
+# 1: a point was cut by much in this substep; how many running
 SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED, PINCH = range(16)
-WORDS = 16
+WORST, RUN = 16, 17
+WORDS = 18
 
 
 @cache
@@ -70,6 +72,7 @@ def lists(real):
         gap: wp.array(dtype=t.scalar)             # least n . (p_i - p_j) there [m]
         least: wp.array(dtype=t.scalar)           # s, the gap that what is written needs [m]
         push: wp.array(dtype=t.vec3)              # accumulated push [m kg]
+        past: wp.array(dtype=t.vec3)              # push of the substep before, 0 in the first of a list [m kg]
         rows: wp.array(dtype=int)                 # pairs that may meet in this substep, (1,): what sweeps are over
         row: wp.array(dtype=int)                  # them
         on: wp.array(dtype=int)                   # 1: takes part in a sweep
@@ -86,6 +89,7 @@ def sums(real):
         move: wp.array(dtype=wp.int64)            # displacement in 1 / SCALE metres, (3 points,)
         share: wp.array(dtype=int)                # sum of weights in 1 / SHARES, (points,)
         factor: wp.array(dtype=types(real).scalar)       # part of its motion that a point keeps, (points,)
+        taken: wp.array(dtype=wp.int64)           # of m |d|^2 that cuts took, see kernels/selfcontact/cut.py, (1,)
         cut: wp.array(dtype=int)                  # number of the substep in which its motion was cut last, (points,)
 
     return Sums

@@ -21,30 +21,34 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
 
-SMALL = 1e-3           # of what a pair keeps: one that is as near to it takes part in the last sweep of an iteration only
+SMALL = 1e-3           # of what a pair keeps: one that is as near to it takes part in the last sweep of an iteration only,
+CALM = 1e-4            # if it slips and errs by less than this over the substep, too [m/s]: what rests is this calm
 
 
 @cache
 def lean(real, module):
     """Kernel: which of the pairs within reach take part in a sweep; their weights are summed up by point. Each of `threads`
     takes every threads-th pair."""
+    t = types(real)
     Pairs, State, Sums = pairs.lists(real), states(real), pairs.sums(real)
 
     @wp.func
-    def ask(at: State, climb: real, all: int, i: int, near: Pairs, to: Sums):
+    def ask(at: State, climb: real, calm: real, all: int, i: int, near: Pairs, to: Sums):
         ids = near.ids[i]
         b = near.b[i]
         n = near.n[i]
         C = near.away[i] - wp.min(near.keep[i], near.away[i] + climb)
+        slip = t.vec3()
         for k in range(4):
             C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
+            slip += b[k] * (at.d[ids[k]] - at.a[ids[k]])
         on = int(0)
         lam = wp.dot(near.push[i], n)
-        small = real(SMALL) * near.keep[i]
+        small = wp.min(real(SMALL) * near.keep[i], calm)
         if all > 0:
             if C < real(0.0) or lam > real(0.0):
                 on = 1
-        elif C < -small or (lam > real(0.0) and C > small):
+        elif C < -small or (lam > real(0.0) and (C > small or wp.length(slip - wp.dot(slip, n) * n) > small)):
             on = 1
         if on > 0:
             for k in range(4):
@@ -54,10 +58,10 @@ def lean(real, module):
         near.on[i] = on
 
     @wp.kernel(module=module, enable_backward=False)
-    def lean_pairs(at: State, climb: real, all: int, threads: int, near: Pairs, to: Sums):
+    def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near: Pairs, to: Sums):
         j = wp.tid()
         while j < near.rows[0]:
-            ask(at, climb, all, near.row[j], near, to)
+            ask(at, climb, calm, all, near.row[j], near, to)
             j += threads
 
     return lean_pairs

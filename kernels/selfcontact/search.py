@@ -103,6 +103,7 @@ def listing(real):
             near.ids[slot] = ids
             near.keep[slot] = keep
             near.bad[slot] = 0
+            near.push[slot] = t.vec3()
 
     return append
 

@@ -18,7 +18,8 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
 
-FOLD, COLUMNS = 16, 16           # of the sums: how many partial ones are one in a pass, numbers of each
+FOLD, COLUMNS = 16, 17           # of the sums: how many partial ones are one in a pass, numbers of each
+ENERGY = 16                              # the one of m |f|^2
 LENGTH = 4.0                             # of beta, that it is made as long by, where a substep's own path is shorter
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
@@ -60,6 +61,7 @@ def tally(real, module):
                 d = at.d[i] - at.e[i]
                 turn = wp.cross(p, d)
                 a[0] = a[0] + mass
+                a[ENERGY] = a[ENERGY] + mass * wp.dot(d, d)
                 for k in range(3):
                     a[1 + k] = a[1 + k] + mass * p[k]
                     a[4 + k] = a[4 + k] + mass * d[k]

@@ -188,6 +188,30 @@ SLOW = {
         "test_an_edge_of_a_cube_stays_below_triangles_larger_than_the_cube[box]", "test_friction_at_a_tip_is_coulombs[0.0]"],
     "physics/selfcontact/test_soft.py": ["test_a_block_of_jelly_that_falls_on_another_does_not_enter_it[explicit]",
         "test_a_block_of_jelly_that_falls_on_another_does_not_enter_it[implicit]"],
+    "physics/selfcontact/test_layers.py": [
+        "test_fifty_layers_that_are_thrown_and_turn_keep_their_path_and_their_turn"],
+    "physics/selfcontact/test_friction.py": [
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[xpbd-plane]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[xpbd bdf2-plane]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[xpbd bdf2-cloth]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[newton-plane]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[newton-cloth]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[newton bdf2-plane]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[newton bdf2-cloth]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[leapfrog-plane]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[leapfrog-cloth]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[rk4-plane]",
+        "test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above[rk4-cloth]"],
+    "physics/selfcontact/test_momentum.py": [
+        "test_two_sheets_that_collide_keep_their_momentum_and_do_not_bounce[xpbd bdf2]",
+        "test_two_sheets_that_collide_keep_their_momentum_and_do_not_bounce[newton]",
+        "test_two_sheets_that_collide_keep_their_momentum_and_do_not_bounce[newton bdf2]",
+        "test_two_sheets_that_collide_keep_their_momentum_and_do_not_bounce[rk4]"],
+    "physics/selfcontact/test_rest.py": [
+        "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is[xpbd bdf2]",
+        "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is[newton]",
+        "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is[newton bdf2]",
+        "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is[leapfrog]"],
     "physics/selfcontact/test_guarantee.py": [
         "test_a_crumpled_sheet_has_no_intersection_in_any_substep[0]"],
     "physics/solver/test_xpbd_adjoint.py": [

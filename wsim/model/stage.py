@@ -234,6 +234,8 @@ class Methods(list[Method]):
     pins, hard pins, soft pins, contact, contacts, bounce, muscles, loads, air, wind, watch
     least, send, stride              of explicit steps: how many are stable; uploads constraints; rows of targets a substep
     copies, forces, impacts          of explicit steps: what they predict; ports before forces and the last half kick
+    earlier                          of leapfrog: what others changed velocities by in the last substep but one [m/s]
+    self-contact                     surfaces that touch themselves and each other
     bodies, recorded bodies          the rigid ones; what recordings know of them; fluids, recorded fluids likewise
     aims                             (path, name) of targets and speeds of drives that joints follow in each substep
     terms                            port of a Newton step: what acts there beside the forces of bodies

@@ -1,6 +1,7 @@
 """Scenes of surfaces that touch, and how often they intersect by the exact test, on the float32 values of a file."""
 
 import numpy as np
+import pytest
 
 from wsim.geometry.triangulate import triangulate
 from wsim.physics.selfcontact.crossings import crossings
@@ -8,7 +9,19 @@ from wsim.scene import Motion, Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
 
+SOLVERS = {                              # that surfaces which collide may be stepped by, with substeps a frame of 1/60 s
+    "xpbd": dict(solver="xpbd", integrator="backward_euler", substeps=10, iterations=6),
+    "xpbd bdf2": dict(solver="xpbd", integrator="bdf2", substeps=10, iterations=6),
+    "newton": dict(solver="implicit", integrator="backward_euler", substeps=10, iterations=3),
+    "newton bdf2": dict(solver="implicit", integrator="bdf2", substeps=10, iterations=3),
+    "leapfrog": dict(solver="explicit", integrator="leapfrog", substeps=40),
+    "rk4": dict(solver="explicit", integrator="rk4", substeps=40)}
 THIN = Fabric(stretch=500.0, shear=100.0, bend=1e-6, thickness=2e-3, density=100.0)
+
+
+def solvers(*names: str) -> list:
+    """Rows of a test: settings of a scene by solvers of these names, or by all."""
+    return [pytest.param(SOLVERS[name], id=name) for name in names or SOLVERS]
 
 
 def surfaces(sim) -> tuple[np.ndarray, np.ndarray]:

@@ -145,7 +145,8 @@ class Contact(Method):
         self.contacts.tell(self.status.word(ROOM))
         if self.bounce:
             self.bounce.meet(others)
-        terms, adjoint, behind = others.find("terms"), others.find("adjoint"), bool(others.every("batches"))
+        terms, adjoint = others.find("terms"), others.find("adjoint")
+        behind = bool(others.every("batches") or others.find("self-contact"))
         if terms is None:
             return
         from wsim.physics.contact.active_set import ActiveSet  # Newton steps hold contacts themselves

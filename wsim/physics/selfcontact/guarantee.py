@@ -42,9 +42,14 @@ class Guarantee:
         wp.capture_if(near.word(pairs.STRAYED), lambda: self.astray(at, again))
         wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d))
         wp.capture_while(near.word(pairs.LEFT), lambda: self.shrink(at, d, said))
+        self.close(said)
+
+    def close(self, said: wp.array) -> None:
+        """Tells the frame what a substep needed."""
+        near = self.near
         if self.pinch:
             self.pinch.tell(said)
-        self.model.launch(self.tell, 1, [near.pairs], [near.words, said])
+        self.model.launch(self.tell, 1, [near.pairs, near.moments[-1]], [near.sums, near.words, said])
 
     def anew(self, at, again) -> None:
         """Points left their tubes: a list along the paths that were solved for, in which they are."""

@@ -8,18 +8,19 @@ before velocities are made of them. Integrators whose substeps end elsewhere tha
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import cut, pairs, rows
-from wsim.model.stage import MET, Clock, Method, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import Guarantee
 from wsim.physics.selfcontact.near import Near
+from wsim.physics.selfcontact.settle import Settle
 from wsim.physics.selfcontact.start import reports
 from wsim.physics.selfcontact.surfaces import Surfaces
 from wsim.scene import Problem, SceneError
@@ -51,6 +52,7 @@ class SelfContact(Method):
         super().__init__("selfcontact")
         self.model, self.state, self.status, self.clock = b.model, b.state, b.status, b.clock
         self.points = b.methods.find("points")
+        self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"))
@@ -60,7 +62,8 @@ class SelfContact(Method):
         self.guarantee = Guarantee(b.model, self.near)
         self.lean, self.press = rows.lean(real, module), rows.press(real, module)
         self.total = np.zeros(cut.SAID, np.int64)
-        self.frames = self.repeats = 0
+        self.frames = self.repeats = self.run = 0
+        self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
         self.often, self.fresh, self.busy = False, True, True
         self.within = within = b.choice.solver == "xpbd"
         self.sweeps = SWEEPS if within else BEHIND
@@ -73,9 +76,10 @@ class SelfContact(Method):
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
         for stage in self.stages:
             stage.frames = MET
+        self.settle = Settle(self)
         self.apart = Apart(self, b)
         self.stages.append(self.apart.stage)
-        self.offers = {"clearance": self.apart}
+        self.offers = {"clearance": self.apart, "self-contact": self}
 
     @property
     def said(self):
@@ -86,6 +90,10 @@ class SelfContact(Method):
         """State of the points, as a launch reads it."""
         s = self.state
         return filled(states(self.model.real), x=s.x, e=s.e, d=s.d, a=self.points.anchor)
+
+    def meet(self, others: Methods) -> None:
+        self.contact = others.find("contact")
+        self.settle.meet(others)
 
     def at(self):
         """The same, with colliders."""
@@ -114,16 +122,22 @@ class SelfContact(Method):
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
         if self.within and clock.i == clock.iterations - 1:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))
+        if not self.within or clock.i == clock.iterations - 1:
+            self.settle.gather(clock)
 
     def sweep(self, clock: Clock, count: int) -> None:
-        """Sweeps over all pairs."""
-        near, data, at, climb = self.near, self.surfaces.data, self.at(), RECOVERY * clock.h
+        """Sweeps over all pairs, each before one of the contacts of points with colliders, which what is pushed rests on."""
+        near, data, at, climb, calm = self.near, self.surfaces.data, self.at(), RECOVERY * clock.h, rows.CALM * clock.h
         self.borrow()
         threads = near.pairs.capacity if self.model.device.is_cuda else 1
         for k in range(count):
-            self.model.launch(self.lean, threads, [at, climb, int(k == count - 1), threads, near.pairs], [near.sums])
+            self.model.launch(self.lean, threads, [at, climb, calm, int(k == count - 1), threads, near.pairs], [near.sums])
             self.model.launch(self.press, threads, [data, at, climb, threads, near.pairs], [near.sums])
             self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, near.sums], [at.d])
+            if self.contact:
+                self.give()
+                self.contact.project(clock)
+                self.borrow()
         self.give()
 
     def keep(self, clock: Clock) -> None:
@@ -133,6 +147,9 @@ class SelfContact(Method):
         self.borrow()
         self.guarantee.keep(self.at(), self.at().d, again, self.said)
         self.give()
+        self.settle.settle(clock)
+        if self.contact and clock.integrator.memory:
+            self.contact.settle(clock)
 
     # around a frame
 
@@ -170,11 +187,16 @@ class SelfContact(Method):
         if wanted <= before:
             return ""
         self.near.room(wanted + wanted // 2)
+        self.settle.room()
         return f"{wanted} pairs of surfaces were near each other, and there was room for {before}"
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         said = status.said(SAID)
         self.total += said
+        self.run = max(self.run, int(said[cut.RUN]))
+        self.near.running = int(said[cut.RUNNING])
+        moved, taken = said[[cut.MOVED, cut.TAKEN]].astype(np.int32).view(np.float32)
+        self.swept, self.taken = self.swept + float(moved) * self.clock.h, self.taken + float(taken)
         self.frames += 1
         first = self.reports if self.frames == 1 else []
         found: list[tuple[tuple, float, str]] = [(("self-contact", "start", k), 0.0, text) for k, text in enumerate(first)]
@@ -194,12 +216,20 @@ class SelfContact(Method):
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-        """near_pairs: of surfaces, in the last list; least_gap [m] between them where the last substep began; searches,
-        projected and cut substeps, held ones, of all frames; repeated: frames, for what cuts took."""
+        """near_pairs: of surfaces, in the last list; contacts: those that push; touching: their points; thin: part of them
+        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began; searches,
+        projected and cut substeps, held ones, of all frames; repeated: frames, for what cuts took; cut_energy: what they took
+        of the kinetic energy a second [1/s]; cut_run: most substeps running in which a point lost more than 5 %."""
         near = self.near.pairs
         count = min(int(near.count.numpy()[0]), near.capacity)
+        touch = np.flatnonzero(near.push.numpy()[:count].any(axis=1))
+        points = np.unique(near.ids.numpy()[touch][near.b.numpy()[touch] != 0.0])
+        thin = near.away.numpy()[touch] < 0.5 * near.keep.numpy()[touch]
         total = {name: float(self.total[k]) for name, k in (("searches", cut.SEARCHES), ("projected", cut.PROJECTED),
                                                             ("cut", cut.CUT), ("held", cut.STAYED),
                                                             *[("pinched", cut.PINCHED)][:bool(self.obstacles)])}
         gap = {"least_gap": float(near.gap.numpy()[:count].min())} if count else {}
-        return {"near_pairs": float(count), **gap, **total, "repeated": float(self.repeats)}
+        return {"near_pairs": float(count), "contacts": float(len(touch)), "touching": float(len(points)),
+                "thin": float(thin.mean()) if len(touch) else 0.0, **gap, **total,
+                "repeated": float(self.repeats), "cut_energy": self.taken / self.swept if self.swept else 0.0,
+                "cut_run": float(self.run)}

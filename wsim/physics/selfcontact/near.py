@@ -36,6 +36,7 @@ class Near:
         zeros, n = partial(wp.zeros, device=device), surfaces.total
         self.words = zeros(pairs.WORDS, dtype=int)
         self.sums = filled(pairs.sums(real), move=zeros(3 * n, dtype=wp.int64), share=zeros(n, dtype=int),
+                           taken=zeros(1, dtype=wp.int64),
                            factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
         self.frames = filled(tubes.frames(real), rigid=zeros(4, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
                              start=zeros(n, dtype=t.vec3), goal=zeros(n, dtype=t.vec3))
@@ -48,7 +49,7 @@ class Near:
         self.spans = self._spans()
         self.root = [zeros(model.worlds, dtype=int) for _ in self.spans]
         self.age = self.rounds = 0
-        self.epoch = 1
+        self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
         self.room(max(1024, EACH * len(surfaces.points)))
 
     def _spans(self) -> list[tuple[int, slice]]:
@@ -66,7 +67,7 @@ class Near:
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
         zeros, t = partial(wp.zeros, capacity, device=self.model.device), types(self.model.real)
-        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push")
+        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "past")
         self.pairs = filled(
             pairs.lists(self.model.real), capacity=capacity, count=wp.zeros(1, dtype=int, device=self.model.device),
             ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
@@ -80,9 +81,11 @@ class Near:
         words = self.words.numpy()
         words[:] = 0
         words[pairs.SOON], words[pairs.EPOCH], words[pairs.ROUNDS] = 1, self.epoch, self.rounds
+        words[pairs.RUN] = self.running
         self.epoch += EPOCHS
         self.words.assign(words)
         self.sums.share.zero_()
+        self.sums.taken.zero_()
         self.sums.move.zero_()
         self.sums.factor.fill_(1.0)
 

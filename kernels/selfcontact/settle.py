@@ -1,0 +1,170 @@
+"""Velocities behind contacts of pairs, by impulses that change no place, so that momentum stays what it was.
+
+Displacements say where pairs end, and most integrators take velocities from them. Two need more, each along a way n of a pair
+that pushes with P [m kg] in a substep h:
+
+    BDF2       a multistep formula takes the velocity before an impact for a part of the one after it and bounces. So the
+               relative velocity along n = P/|P| is the relative motion over h, and the one before it is the same:
+               n . sum_k b_k v_k = n . sum_k b_k (d_k - e_k) / h,   by impulses Q n of any sign, |P|/g + Q >= 0
+    leapfrog   is read behind half a kick, which knows no contact: of what it brings a pair nearer along P, its contact takes
+               back up to half of an impulse:  n . sum_k b_k (v_k - w_k) >= 0,   0 <= Q <= |P| / (2 h),   w before the kick;
+               where it pushed alike in the substep before, all of the half belongs to the kick
+
+Sweeps of Jacobi with the masses of kernels/selfcontact/rows.py, from Q = 0 or, by leapfrog, from all of the half: at rest it is
+the solution. As `settle` of kernels/contact/project.py and kernels/motion/explicit.py, of points against colliders.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.explicit import ALIKE
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import pairs
+
+
+@cache
+def aims(real):
+    """Struct of the pairs that push at the end of a substep, (capacity,)."""
+    t = types(real)
+
+    @wp.struct
+    class Aims:
+        count: wp.array(dtype=int)                # of pairs, (1,)
+        ids: wp.array(dtype=wp.vec4i)             # places of the points
+        b: wp.array(dtype=t.vec4)                 # weights
+        n: wp.array(dtype=t.vec3)                 # along the push; 0: there is none
+        aim: wp.array(dtype=t.scalar)             # relative velocity along n that is wanted [m/s]
+        least: wp.array(dtype=t.scalar)           # of q
+        most: wp.array(dtype=t.scalar)
+        q: wp.array(dtype=t.scalar)               # impulse along n [kg m/s]
+
+    return Aims
+
+
+@cache
+def gather(real, module):
+    """Kernel: the pairs that push. back: by leapfrog, |P| / back is the most that is given, from which sweeps begin; or, < 0,
+    what may be taken."""
+    alike = real(ALIKE)
+    t = types(real)
+    Pairs, Aims = pairs.lists(real), aims(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def gather_aims(near: Pairs, back: real, threads: int, to: Aims):
+        j = wp.tid()
+        if j == 0:
+            to.count[0] = near.rows[0]
+        while j < near.rows[0]:
+            i = near.row[j]
+            push = near.push[i]
+            to.ids[j] = near.ids[i]
+            to.b[j] = near.b[i]
+            to.aim[j] = real(0.0)
+            size = wp.length(push)
+            n = t.vec3()
+            if back < real(0.0):
+                size = wp.dot(push, near.n[i])
+                if size > real(0.0):
+                    n = near.n[i]
+            elif size > real(0.0):
+                n = push / size
+            to.n[j] = n
+            to.least[j] = wp.min(size / back, real(0.0))
+            if back > real(0.0) and wp.length(push - near.past[i]) < alike * size:
+                to.least[j] = size / back                 # fixed
+            to.most[j] = wp.where(back > real(0.0), size / wp.abs(back), real(1.0e30))
+            to.q[j] = wp.where(back > real(0.0), size / wp.abs(back), real(0.0))
+            j += threads
+
+    return gather_aims
+
+
+@cache
+def spread(real, module):
+    """Kernel: adds `scale` times the impulses Q to the sums of points [m/s], and the weights of pairs to the shares of points,
+    as each sweep needs them (scale 0)."""
+    Aims, Sums = aims(real), pairs.sums(real)
+    fixed = pairs.fixed(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def spread_aims(w: wp.array(dtype=real), aim: Aims, scale: real, threads: int, to: Sums):
+        j = wp.tid()
+        while j < aim.count[0]:
+            if aim.most[j] > real(0.0):
+                ids = aim.ids[j]
+                b = aim.b[j]
+                for k in range(4):
+                    share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
+                    if share > 0:
+                        wp.atomic_add(to.share, ids[k], share)
+                    if scale != real(0.0):
+                        fixed(to, ids[k], (w[ids[k]] * b[k] * scale * aim.q[j]) * aim.n[j])
+            j += threads
+
+    return spread_aims
+
+
+@cache
+def aim(real, module):
+    """Kernel: relative motions over h, which BDF2's velocities are to have."""
+    State, Aims = states(real), aims(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def aim_motion(at: State, h: real, threads: int, to: Aims):
+        j = wp.tid()
+        while j < to.count[0]:
+            ids = to.ids[j]
+            b = to.b[j]
+            r = real(0.0)
+            for k in range(4):
+                r += b[k] * wp.dot(to.n[j], at.d[ids[k]] - at.e[ids[k]])
+            to.aim[j] = r / h
+            to.q[j] = real(0.0)
+            j += threads
+
+    return aim_motion
+
+
+@cache
+def strike(real, module):
+    """Kernel: one sweep; v: velocities that pairs look at [m/s]."""
+    t = types(real)
+    Aims, Sums = aims(real), pairs.sums(real)
+    fixed = pairs.fixed(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def strike_pairs(w: wp.array(dtype=real), v: wp.array(dtype=t.vec3), aim: Aims, threads: int, to: Sums):
+        j = wp.tid()
+        while j < aim.count[0]:
+            if aim.most[j] > aim.least[j]:
+                ids = aim.ids[j]
+                b = aim.b[j]
+                n = aim.n[j]
+                W = real(0.0)
+                r = -aim.aim[j]
+                for k in range(4):
+                    W += wp.abs(b[k]) * w[ids[k]] * real(to.share[ids[k]]) / real(pairs.SHARES)
+                    r += b[k] * wp.dot(n, v[ids[k]])
+                if W > real(0.0):
+                    before = aim.q[j]
+                    after = wp.clamp(before - real(pairs.OVER) * r / W, aim.least[j], aim.most[j])
+                    aim.q[j] = after
+                    for k in range(4):
+                        fixed(to, ids[k], (w[ids[k]] * b[k] * (after - before)) * n)
+            j += threads
+
+    return strike_pairs
+
+
+@cache
+def combine(real, module):
+    """Kernel over points: out = a x + b y."""
+    vectors = wp.array(dtype=types(real).vec3)
+
+    def combine(point: wp.array(dtype=int), a: real, x: vectors, b: real, y: vectors, out: vectors):
+        i = point[wp.tid()]
+        out[i] = a * x[i] + b * y[i]
+
+    return wp.kernel(combine, name=f"combine_{types(real).name}", module=module, enable_backward=False)

@@ -1,0 +1,74 @@
+"""Surfaces that rub: a square of cloth on an incline, and on another cloth, sticks and slips about the angle atan(mu)."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.physics.selfcontact.rig import run, said
+from tests.physics.selfcontact.rig import solvers as each
+from wsim.scene import Pin, Plane, Scene, shapes
+from wsim.scene.fabric import Fabric
+
+G, MU, WITHIN = 9.81, 0.5, 1.0                                                        # WITHIN: degrees about atan(MU)
+CLOTH = Fabric(stretch=60.0, shear=20.0, bend=1e-6, thickness=4e-3, density=100.0, static_friction=MU, dynamic_friction=MU)
+
+
+def square(side: float, count: int, turn: float, height: float) -> tuple:
+    """A sheet about the origin, turned about y [rad], at a height [m]."""
+    points, counts, indices = shapes.sheet(side, side, count, count, horizontal=True)
+    points = np.array(points, np.float64)
+    points -= points.mean(axis=0)
+    c, s = np.cos(turn), np.sin(turn)
+    return points @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T + (0.0, height, 0.0), counts, indices
+
+
+def incline(angle: float, on: str, **more) -> Scene:
+    """A square of cloth on a plane, or on a pinned cloth, that falls by an angle [degrees] along x; of which one corner hangs
+    free, since something of a cloth has to."""
+    a = np.radians(angle)
+    scene = Scene(gravity=(G * np.sin(a), -G * np.cos(a), 0.0), fps=60.0, **more)
+    if on == "plane":
+        scene.collider("/floor", Plane("Y"), static_friction=MU, dynamic_friction=MU)
+    else:
+        lower = square(0.2, 8, 0.0, 0.0)
+        scene.cloth("/lower", *lower, material=CLOTH, self_collision=True)
+        scene.pins.append(Pin("/pin", "/lower", range(len(lower[0]) - 1)))
+    scene.cloth("/upper", *square(0.08, 4, 0.3, CLOTH.thickness * (0.5 if on == "plane" else 1.0)), material=CLOTH,
+                self_collision=True)
+    return scene
+
+
+@pytest.mark.parametrize("on", ["plane", "cloth"])
+@pytest.mark.parametrize("solver", each())
+def test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above(solver, on):
+    """Below, it goes less than an angle of a hundredth of a degree too much would let it; above, as a block does."""
+    frames, critical = 20, np.degrees(np.arctan(MU))
+    time = frames / 60.0
+
+    def block(angle: float) -> float:
+        a = np.radians(angle)
+        return 0.5 * G * (np.sin(a) - MU * np.cos(a)) * time**2
+
+    for more in (-WITHIN, WITHIN):
+        scene = incline(critical + more, on, **solver)
+        sim = run(scene)
+        sim.run(frames)
+        gone = sim.positions("/upper") - scene.cloths[-1].points
+        if more < 0.0:
+            assert np.abs(gone[:, 0]).max() < block(critical + 0.01)
+        else:
+            h = 1.0 / 60.0 / scene.substeps
+            assert np.abs(gone[:, 0] - block(critical + more)).max() < 0.02 * block(critical + more) * (1.0 + h / time)
+        assert np.abs(gone[:, 1]).max() < 0.02 * CLOTH.thickness
+        told = said(sim)
+        assert told["cut"] == told["held"] == 0
+
+
+def test_friction_that_is_less_lets_it_slide():
+    scene = incline(np.degrees(np.arctan(MU)) - WITHIN, "cloth", **each("xpbd")[0].values[0])
+    for cloth in scene.cloths:
+        cloth.material = replace(cloth.material, static_friction=0.9 * MU, dynamic_friction=0.9 * MU)
+    sim = run(scene)
+    sim.run(20)
+    assert (sim.positions("/upper") - scene.cloths[-1].points)[:, 0].min() > 5e-3

@@ -1,0 +1,134 @@
+"""Velocities of BDF2 and of leapfrog behind contacts of surfaces. Equations: kernels/selfcontact/settle.py."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.selfcontact import pairs, settle
+from wsim.model.structs import filled
+
+if TYPE_CHECKING:
+    from wsim.model.stage import Clock, Methods
+    from wsim.physics.selfcontact.method import SelfContact
+
+SWEEPS = 12            # fewer leave more of a bounce; momentum is kept by any number
+
+
+class Settle:
+    """memory: of a multistep integrator; halved: of one that is read behind half a kick. Neither: nothing is done."""
+
+    def __init__(self, method: SelfContact):
+        self.method, self.model, self.state = method, method.model, method.state
+        self.clock = method.clock
+        m = self.clock.integrator
+        self.memory, self.halved = m.memory > 0.0, m.explicit and len(m.steps) == 2
+        self.capacity = 0
+        if self.memory or self.halved:
+            real, module = self.model.real, self.model.module
+            self.kernels = {f.__name__: f(real, module) for f in (settle.gather, settle.spread, settle.strike, settle.combine)}
+            if self.memory:
+                self.kernels["aim"] = settle.aim(real, module)
+            vec3 = types(real).vec3
+            self.v, self.given, self.lasting = (wp.zeros(method.surfaces.total, dtype=vec3, device=self.model.device)
+                                                for _ in range(3))
+            self.room()
+
+    def room(self) -> None:
+        """Arrays for so many pairs as the list has room for; not captured."""
+        if not (self.memory or self.halved) or self.capacity == self.method.near.pairs.capacity:
+            return
+        t, device = types(self.model.real), self.model.device
+        n = self.capacity = self.method.near.pairs.capacity
+        dtypes = {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(("aim", "least", "most", "q"), t.scalar)}
+        self.aims = filled(settle.aims(self.model.real), count=wp.zeros(1, dtype=int, device=device),
+                           **{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
+        self.threads = n if device.is_cuda else 1
+
+    def meet(self, others: Methods) -> None:
+        if self.halved and (port := others.find("impacts")) is not None:
+            port.append(self.half)
+            self.earlier = others.find("earlier")
+
+    def pairs(self, name: str, inputs: list, outputs: list) -> None:
+        self.model.launch(self.kernels[name], self.threads, [*inputs, self.threads], outputs)
+
+    def combine(self, a: float, x: wp.array, b: float, y: wp.array, out: wp.array, colliders: bool = False) -> None:
+        """out = a x + b y, of points of surfaces. colliders: of theirs, too."""
+        s = self.method.surfaces
+        count = len(s.points) if colliders else s.free["points"]
+        self.model.launch(self.kernels["combine"], count, [s.data.point, a, x, b, y], [out])
+
+    def add(self, v: wp.array) -> None:
+        method = self.method
+        point = method.surfaces.data.point
+        self.model.launch(method.guarantee.add, len(point), [point, v, method.near.sums], [v])
+
+    def sweep(self, v: wp.array) -> None:
+        w, sums = self.method.surfaces.data.w, self.method.near.sums
+        for _ in range(SWEEPS):
+            self.pairs("spread", [w, self.aims, 0.0], [sums])
+            self.pairs("strike", [w, v, self.aims], [sums])
+            self.add(v)
+
+    def asked(self, clock: Clock) -> bool:
+        """True for a substep behind which velocities are settled, and the one before it."""
+        return self.memory or self.halved and clock.k >= clock.substeps - 2
+
+    def gather(self, clock: Clock) -> None:
+        """Behind the sweeps of a substep: pairs that push, and what they have given."""
+        if not self.asked(clock):
+            return
+        near = self.method.near
+        self.aims.count.zero_()
+        back = -clock.g if self.memory else 2.0 * clock.h
+        wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [near.pairs, back], [self.aims]))
+        if self.halved:
+            self.given.zero_()
+            self.pairs("spread", [self.method.surfaces.data.w, self.aims, 2.0], [near.sums])
+            self.add(self.given)
+            self.combine(1.0, self.given, -1.0 / clock.h, self.state.d, self.given)
+
+    def settle(self, clock: Clock) -> None:
+        """Behind the guarantee."""
+        if not self.asked(clock):
+            return
+        s = self.state
+        if self.halved:
+            out = self.given if clock.k == clock.substeps - 1 else self.lasting
+            self.combine(1.0, self.given, 1.0 / clock.h, s.d, out)
+        else:
+            wp.capture_if(self.aims.count, lambda: self.forget(clock))
+
+    def forget(self, clock: Clock) -> None:
+        """No history across a contact: the anchor that gives such velocities, and the velocity before."""
+        s, v, at, g = self.state, self.v, self.method.at(), clock.g
+        self.pairs("aim", [at, clock.h], [self.aims])
+        self.combine(1.0 / g, at.d, -1.0 / g, at.a, v, colliders=True)
+        self.sweep(v)
+        self.combine(1.0, s.d, -g, v, self.method.points.anchor)
+        self.pairs("aim", [at, clock.h], [self.aims])
+        self.combine(1.0, s.v, 0.0, s.v, v)
+        self.sweep(v)
+        self.combine(1.0, v, 0.0, v, s.v)
+
+    def half(self, change: wp.array) -> None:
+        """Behind leapfrog's last half kick; change: what others changed velocities by in the last substep."""
+        if self.clock.free:
+            return
+        self.combine(1.0, change, -1.0, self.given, change)
+        if self.clock.substeps > 1:
+            earlier = self.earlier()
+            self.combine(1.0, earlier, -1.0, self.lasting, earlier)
+        wp.capture_if(self.aims.count, self.take)
+
+    def take(self) -> None:
+        """Contacts take back their part of the kick."""
+        s = self.state
+        self.combine(1.0, s.v, -1.0, s.b, self.v)
+        self.pairs("spread", [self.method.surfaces.data.w, self.aims, 1.0], [self.method.near.sums])
+        self.add(self.v)
+        self.sweep(self.v)
+        self.combine(1.0, s.b, 1.0, self.v, s.v)
