@@ -87,7 +87,8 @@ class ForceGather:
         """What keeps elements from being taken in packets, or ""."""
         kinds = sorted({e.kind for e in self.elements if isinstance(e, Elements) and not e.row.packets})
         why = {"gradients": self.model.gradients, "a GPU": self.model.device.is_cuda, "no elements": not self.elements,
-               "springs beside them": bool(self.springs), "tets": bool(self.tables), ", ".join(kinds): bool(kinds)}
+               "Launches.fuses": self.model.fuses is not None, "springs beside them": bool(self.springs),
+               "tets": bool(self.tables), ", ".join(kinds): bool(kinds)}
         return ", ".join(what for what, there in why.items() if there)
 
     def form(self) -> str:
