@@ -85,8 +85,7 @@ SCENES = {"staged": staged, "sheet": sheet, "blown": blown, "everything": everyt
 
 def run(scene: Scene, precision: str, monkeypatch, fused: bool, frames: int = 3):
     """Positions and velocities after some frames, and the simulation."""
-    if fused:
-        monkeypatch.setattr(Launches, "fuses", True)
+    monkeypatch.setattr(Launches, "fuses", fused)
     sim = wsim.Simulation(scene, device="cpu", precision=precision)
     for _ in range(frames):
         sim.step()

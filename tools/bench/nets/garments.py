@@ -28,14 +28,14 @@ from wsim.usd import load
 
 ROOT = Path(__file__).resolve().parents[3]
 REFINED = 2            # leapfrog errs by a fourth of what the row does
-# What a scene is given; "fused" is of explicit steps: many substeps a launch
+# What a scene is given. Explicit steps as they are by default, launch by launch, many substeps a launch
 
 
 def given(solver: str, integrator: str, substeps: int, iterations: int = 1) -> dict:
     return {"solver": solver, "integrator": integrator, "substeps": substeps, "iterations": iterations}
 
 
-SETTINGS: dict[str, dict] = {"auto": {}, "launched": given("explicit", "auto", 1), "fused": given("explicit", "auto", 1)}
+SETTINGS: dict[str, dict] = {"auto": {}} | {name: given("explicit", "auto", 1) for name in ("explicit", "launched", "fused")}
 SETTINGS |= {f"xpbd{n}": given("xpbd", "backward_euler", n) for n in (32, 96, 400, 1600)}
 SETTINGS |= {f"{name}{n}x{k}": given("implicit", integrator, n, k) for name, integrator in
              (("euler", "backward_euler"), ("bdf", "bdf2")) for n, k in ((8, 2), (32, 2), (96, 1))}

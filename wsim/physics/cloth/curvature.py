@@ -22,7 +22,7 @@ class Curvature:
 
     def __init__(self, model: Model, rows: list[Any], order: np.ndarray | None = None, apart: bool = False):
         """rows: of `wsim.physics.cloth.constraints`, of hinges; order: row of the table at each place, None: the same; apart:
-        `room` is made when it is needed."""
+        `need` is called by whoever launches something."""
         self.model, self.rows, t = model, rows, types(model.real)
         self.hinges = sum(len(r.ids) for r in rows)
         self.triangles = sum(len(r.coupling.slot) for r in rows)
@@ -34,10 +34,17 @@ class Curvature:
         for name, values in self.tables().items():
             setattr(d, name, model.upload(values, {"value": t.vec3, "own": t.scalar}.get(name, int)))
         if not apart:
-            self.room()
+            self.need()
+
+    def need(self, stored: bool = False) -> None:
+        """Makes the kernel of sums, before the module is compiled, and what it works on. stored: G has a place."""
+        self.sums = kernels.sums(self.model.real, self.model.module)
+        self.room(stored)
 
     def room(self, stored: bool = False) -> None:
-        """Arrays that change, and the kernel of sums. stored: G has a place."""
+        """Makes arrays that change, where there are none."""
+        if self.data.z is not None:
+            return
         model, d, t = self.model, self.data, types(self.model.real)
 
         def over(count: int, dtype) -> wp.array:
@@ -46,7 +53,6 @@ class Curvature:
         d.z, d.C, d.G = over(self.hinges, t.scalar), over(self.triangles, t.vec3), over(3 * self.hinges * stored, t.vec3)
         if model.gradients:
             d.y, d.Y = over(self.hinges, t.scalar), over(self.triangles, t.vec3)
-        self.sums = kernels.sums(model.real, model.module)
 
     @property
     def sizes(self) -> np.ndarray:
@@ -120,6 +126,7 @@ class Curvature:
     def energy(self, table, rest: wp.array, x: wp.array, d: wp.array, module: str) -> float:
         """[J] at x + d. table: struct of the hinges' points and compliances; rest: their angles at rest."""
         launch = self.model.launch
+        self.room()
         out = wp.zeros(min(LANES, self.triangles), dtype=wp.float64, device=self.model.device)
         stored, sums, energy = self.energy_kernels(module)
         kernel_cache.ready(energy, self.model)

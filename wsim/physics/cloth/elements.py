@@ -54,7 +54,7 @@ class Elements:
         self.damped, real, module = damped, self.model.real, self.model.module
         if self.curvature:
             from wsim.kernels.cloth import curvature
-            self.curvature.room(stored=True)
+            self.curvature.need(stored=True)
             self.strained, self.kernel = curvature.strained(real, module, damped), curvature.corners(real, module)
         elif self.row.equation.rows == 3:
             self.kernel = element.corners(real=real, module=module, damped=damped)

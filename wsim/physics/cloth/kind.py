@@ -112,6 +112,7 @@ class Kind:
     by_longest     (constraints, name, gradient by rest) -> by each one's stiffness, where rest values follow it
     at_rest        (`wsim.gradient.rest_shape.RestShape`, constraints, gradients by rest, by shape, by `Coupling.value`): adds
                    the gradient by where points are at rest
+    packets        True: explicit steps on a CPU take them in packets (`wsim.physics.motion.sheets`)
     """
 
     equation: Constraint
@@ -126,6 +127,7 @@ class Kind:
     by_compliance: Callable[..., np.ndarray] = of_compliance
     by_longest: Callable[..., np.ndarray] | None = None
     at_rest: Callable[..., None] = as_measured
+    packets: bool = False
 
     @property
     def name(self) -> str:

@@ -56,11 +56,11 @@ class Table:
             self.data.tau = self.send(self.values()[1], self.model.real)
         return self
 
-    def bend(self) -> "Table":
-        """Hinges with the curvatures that they make."""
+    def bend(self, apart: bool = False) -> "Table":
+        """Hinges with the curvatures that they make; apart: the model's module gets no kernel for that."""
         if self.curvature is None and self.row.gather == SHEET:
             from wsim.physics.cloth.curvature import Curvature
-            self.curvature = Curvature(self.model, self.rows)
+            self.curvature = Curvature(self.model, self.rows, apart=apart)
         return self
 
     def rest(self) -> np.ndarray:
@@ -112,7 +112,7 @@ class Table:
         """Elastic energy [J] at x + e, summed in float64: 1/2 C alpha^-1 C; of hinges that of the curvatures of triangles.
         rest: values in place of those of the table. Few are summed on the host; kernels of that module are compiled when first
         asked for."""
-        self.comply().bend()
+        self.comply().bend(apart=True)
         model, data = self.model, self.data
         if self.few:
             return self.stored(state, rest)

@@ -31,9 +31,6 @@ from wsim.physics.motion.threads import Abreast, cores, orders, shares
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
 PADDED = 1.5           # entries over springs' ends that padding may cost above
-PACKED = {"membrane", "dihedral"}      # elements that a march on a CPU knows
-
-
 class ForceGather:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
@@ -88,9 +85,10 @@ class ForceGather:
 
     def unpacked(self) -> str:
         """What keeps elements from being taken in packets, or ""."""
-        kinds = sorted({e.kind for e in self.elements if isinstance(e, Elements)} - PACKED)
+        kinds = sorted({e.kind for e in self.elements if isinstance(e, Elements) and not e.row.packets})
         why = {"gradients": self.model.gradients, "a GPU": self.model.device.is_cuda, "no elements": not self.elements,
-               "springs beside them": bool(self.springs), "tets": bool(self.tables), ", ".join(kinds): bool(kinds)}
+               "Launches.fuses": self.model.fuses is not None, "springs beside them": bool(self.springs),
+               "tets": bool(self.tables), ", ".join(kinds): bool(kinds)}
         return ", ".join(what for what, there in why.items() if there)
 
     def form(self) -> str:

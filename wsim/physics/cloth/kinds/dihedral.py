@@ -68,4 +68,5 @@ def at_rest(shape, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray, by
     shape.by += by_points(shape.body.rest, r.coupling.patches, by_value, by_shape)
 
 
-KIND = Kind(DIHEDRAL, hinges, SHEET, 9.5, compliance=compliance, slopes=slopes, by_compliance=by_compliance, at_rest=at_rest)
+KIND = Kind(DIHEDRAL, hinges, SHEET, 9.5, packets=True, compliance=compliance, slopes=slopes, by_compliance=by_compliance,
+            at_rest=at_rest)

@@ -129,5 +129,5 @@ def at_rest(shape, r: Constraints, by_rest: np.ndarray, by_shape: np.ndarray, by
     shape.add(r.ids, np.concatenate([-e.sum(axis=1, keepdims=True), e], axis=1))
 
 
-KIND = Kind(MEMBRANE, strains, weight=4.0, compliance=compliance, slopes=slopes, by_stiffness=by_stiffness,
+KIND = Kind(MEMBRANE, strains, weight=4.0, packets=True, compliance=compliance, slopes=slopes, by_stiffness=by_stiffness,
             by_compliance=by_compliance, at_rest=at_rest)
