@@ -34,7 +34,7 @@ import warp as wp
 
 from wsim.kernels.contact.collide import split
 from wsim.kernels.contact.mesh import SOLID
-from wsim.kernels.contact.project import slots, tables
+from wsim.kernels.contact.project import read, slots, tables
 from wsim.kernels.contact.shape import distance
 from wsim.kernels.math.real import types
 
@@ -52,6 +52,7 @@ def movements(real):
     class Movements:
         ball: wp.array(dtype=t.vec4)         # centre in the collider's frame, radius [m]; < 0: it has none, (rows,)
         loss: wp.array(dtype=t.vec2)         # of D: constant [m], and times |x0 - c_0|, (rows,)
+        ahead: real                          # time for which clearances should last [s]
 
     return Movements
 
@@ -116,19 +117,29 @@ def away(kinds: tuple[str, ...], real):
 
 @cache
 def clearance(kinds: tuple[str, ...], real, module):
-    """Kernel over points, before a frame without contacts: the clearance, and no contacts in the slots."""
-    t, Movements, Slots, of = types(real), movements(real), slots(real), away(kinds, real)
+    """Kernel over points, before a frame without contacts: the clearance, and no contacts in the slots. Where colliders that go
+    on as they do would leave less of it to the next frame than `ahead` [s] at the present speed, `soon` becomes 1, and the
+    point has a mark: that frame would be repeated. Reads x and v."""
+    t, Movements, Slots, Read, of = types(real), movements(real), slots(real), read(real), away(kinds, real)
     Rows, Points = tables(real)
 
-    def clearance(c: Rows, points: Points, m: Movements, x: wp.array(dtype=t.vec3), s: Slots,
-                  room_out: wp.array(dtype=real), struck_out: wp.array(dtype=real)):
+    def clearance(c: Rows, points: Points, m: Movements, at: Read, s: Slots,
+                  room_out: wp.array(dtype=real), struck_out: wp.array(dtype=real), soon_out: wp.array(dtype=int)):
         i = wp.tid()
         found = real(FREE)
+        later = real(FREE)
         if points.w[i] > real(0.0):
             o = points.object[i]
             for row in range(c.first[o], c.first[o + 1]):
-                found = wp.min(found, of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i]))
-            found -= points.reach[i] + real(2.0) * c.skin
+                room = of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], at.x[i])
+                found = wp.min(found, room)
+                later = wp.min(later, room - (m.loss[row][0] - c.gap[row]))
+            kept = points.reach[i] + real(2.0) * c.skin
+            found -= kept
+            later -= kept
+        if later < m.ahead * wp.length(at.v[i]):
+            s.mark[i] = NEAR
+            wp.atomic_max(soon_out, 0, 1)
         room_out[i] = found
         s.count[i] = 0
         if struck_out:

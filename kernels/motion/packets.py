@@ -23,23 +23,17 @@ ROWS = 8               # of the room, each of all places: see ROOM
 LANES = (0, 2, 4, 6, 1, 3, 5, 7)       # which spring of a packet has rest, k and damping of each lane
 LINE = 64 // 16        # points of float32 in a cache line, with which the room begins
 
-# Rows: displacement, force, position, velocity that damping sees, velocity, remainders of both, gravity with inverse mass
-ROOM = """
+# Of points: four wide, two of them, eight springs, and how these are turned into each other.
+VECTORS = """
 #if !defined(__CUDA_ARCH__)
     typedef {real} vec __attribute__((vector_size(4 * sizeof({real}))));
+    typedef {real} vec4u __attribute__((vector_size(4 * sizeof({real})), aligned(sizeof({real}))));
     typedef {real} eight __attribute__((vector_size(8 * sizeof({real}))));
     typedef {real} entries __attribute__((vector_size(8 * sizeof({real})), aligned(sizeof({real}))));
     typedef {real} two __attribute__((vector_size(8 * sizeof({real})), aligned(4 * sizeof({real}))));
     struct Columns {{ eight x, y, z; }};
-    struct Ends {{ unsigned low, high; }};
     const vec zero = {{}};
     const eight none = {{}};
-    const int blocks = s.start.shape[0] - 1, places = s.order.shape[0], *order = s.order.data, *group = s.group.data,
-              *runs = s.runs.data, *start = s.start.data;
-    const Ends* ends = (const Ends*)s.ends.data;
-    vec *D = (vec*)(((unsigned long long)room.data + 63) / 64 * 64), *F = D + s.row, *X = F + s.row, *Q = X + s.row,
-        *V = Q + s.row, *C = V + s.row, *S = C + s.row, *G = S + s.row, *E = G + s.row;
-    bool torn = false, watched = false;
     auto load = [](const {real}* a, int i) {{ return vec{{a[3 * i], a[3 * i + 1], a[3 * i + 2], 0}}; }};
     auto store = []({real}* a, int i, vec v) {{ a[3 * i] = v[0]; a[3 * i + 1] = v[1]; a[3 * i + 2] = v[2]; }};
     auto at = [](vec* row, int i) -> two& {{ return *(two*)(row + i); }};
@@ -56,6 +50,16 @@ ROOM = """
                         __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15),
                         __builtin_shufflevector(c, d, 0, 1, 8, 9, 4, 5, 12, 13)}};
     }};
+"""
+# Rows: displacement, force, position, velocity that damping sees, velocity, remainders of both, gravity with inverse mass
+ROOM = VECTORS + """
+    struct Ends {{ unsigned low, high; }};
+    const int blocks = s.start.shape[0] - 1, places = s.order.shape[0], *order = s.order.data, *group = s.group.data,
+              *runs = s.runs.data, *start = s.start.data;
+    const Ends* ends = (const Ends*)s.ends.data;
+    vec *D = (vec*)(((unsigned long long)room.data + 63) / 64 * 64), *F = D + s.row, *X = F + s.row, *Q = X + s.row,
+        *V = Q + s.row, *C = V + s.row, *S = C + s.row, *G = S + s.row, *E = G + s.row;
+    bool torn = false, watched = false;
     auto pull = [&](eight* r, const eight* u, int c) {{                                    // r becomes F
         const Columns a = columns(r);
         const eight rest = *(const entries*)(s.rest.data + c);

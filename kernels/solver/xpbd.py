@@ -55,9 +55,9 @@ def projection(constraint: Constraint, *, real=wp.float32, module="unique", mult
 
 
 @cache
-def sweep(constraint: Constraint, *, real=wp.float32, module="unique", threads: int = block.BLOCK, **kind):
+def sweep(constraint: Constraint, *, real=wp.float32, module="unique", **kind):
     """(Batch, kernel) as `projection`, kind: multipliers, damped, uniform, exact; for all colours in one launch: of a block of
-    `threads` a world on a GPU, of a thread on the CPU.
+    threads a world on a GPU, of a thread on the CPU.
 
     The kernel's arguments: batch, at, colours, rate, omega, lam, d_out, lam_out; colours (colours,): where each begins, and its
     constraints of a world, which stand behind those of the world before.
@@ -77,7 +77,7 @@ def sweep(constraint: Constraint, *, real=wp.float32, module="unique", threads: 
             block.meet()
 
     return o.Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False,
-                               launch_bounds=threads)
+                               launch_bounds=block.BLOCK)
 
 
 def one_of(o, backward: bool):

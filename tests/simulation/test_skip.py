@@ -41,7 +41,7 @@ for path in sys.argv[1:]:
 
 # what every scene of cloth needs, by XPBD or by explicit steps among contacts
 POINTS = {"predict_euler", "finish_euler", "not_finite", "stretched"}
-LEAPS = {"begin", "leap", "commit", "correct", "settle", "stretched", "not_finite"}
+LEAPS = {"begin", "commit", "correct", "settle", "stretched", "not_finite"}
 PINS, AIR, APART = {"move_pins"}, {"press", "blow"}, {"sweeps"}            # APART: frames without contacts
 BEND = {"dihedral", "angle", "curvature", "target"}
 CLOTH = {"membrane"} | BEND
@@ -50,8 +50,7 @@ KERNELS = {
     "hanging_cloth": POINTS | PINS | DAMPED,
     "flag": POINTS | PINS | AIR | CLOTH,
     "cape": POINTS | PINS | AIR | CLOTH | APART | {"search_sphere", "contact", "clearance_sphere", "near_sphere", "stray"},
-    "tablecloth": LEAPS | APART | {"corners_membrane_damped", "corners_dihedral", "hinge_damped", "curvature", "contact",
-                                   "search_plane_box", "clearance_plane_box", "near_plane_box", "leap_bounded"},
+    "tablecloth": LEAPS | APART | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"},
     "shirt": POINTS | CLOTH | APART | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
 }
 
@@ -79,9 +78,10 @@ AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
 CONTACT = (room("physics.contact", "contacts colliders method mesh poses clearance") | room("scene.check", "contact")
            | room("scene.check", "signed_distance chord") | room("kernels.contact", "project search collide shape mesh")
            | {"wsim.kernels.motion.clearance"})
-LEAP = (room("physics.motion", "explicit forces threads cluster packets")
+LEAP = (room("physics.motion", "explicit forces threads cluster packets sheets")
         | room("physics.cloth", "bending curvature elements table")
-        | room("kernels.motion", "threads cluster explicit packets march_cpu") | {"wsim.kernels.math.block"}
+        | room("kernels.motion", "threads cluster explicit packets march_cpu sheet_packets sheet_march")
+        | {"wsim.kernels.math.block"}
         | room("kernels.cloth", "constraint element curvature terms"))
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
 MODULES = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wsim.scene import SceneError
-from wsim.sweep.draws import axes, grid, latin
+from wsim.sweep.vary.draws import axes, grid, latin
 
 
 def test_a_logarithmic_grid_has_equal_ratios_and_both_ends():
@@ -54,5 +54,5 @@ def test_what_is_no_draw_is_refused(texts, words):
 
 def test_a_file_with_rows_of_two_columns_is_refused(tmp_path):
     (tmp_path / "two.csv").write_text("1,2\n")
-    with pytest.raises(SceneError, match="row 1 has 2 columns; draws of wind have one column, or three"):
+    with pytest.raises(SceneError, match="row 1 has 2 columns; draws of wind have one, or three"):
         axes([f"wind={tmp_path / 'two.csv'}"])

@@ -173,6 +173,43 @@ def test_a_run_that_fails_is_listed_with_its_reason_and_leaves_the_others(tmp_pa
     assert "leapfrog is stable for" in rows[1]["why"] and np.isfinite(rows[2]["max_strain"])
 
 
+def test_a_folder_in_which_nothing_ran_is_taken_and_a_file_is_none(file, tmp_path):
+    """A sweep whose cluster did not answer left no row."""
+    rows = wsim.sweep(file, "stretch=list(200)", tmp_path / "out", settings=CPU)
+    rows.close()
+    assert [r["status"] for r in wsim.sweep(file, "stretch=list(200)", tmp_path / "out", settings=CPU)] == ["done"]
+    with pytest.raises(SceneError, match="is a file, or lies in one; give a folder"):
+        wsim.sweep(file, "stretch=list(200)", tmp_path / "out" / "runs.csv", settings=CPU)
+
+
+def test_failed_runs_are_told_with_their_reasons(tmp_path, capsys):
+    path = hung(tmp_path / "scene.usda", solver="explicit", integrator="leapfrog", substeps=40)
+    assert cli.main(["sweep", path, "--vary", "stretch=list(100,1e9)", "-o", str(tmp_path / "out"), "--device", "cpu"]) == 1
+    said = capsys.readouterr()
+    assert "run 1 failed: /: integrator leapfrog is stable for" in said.err and "2 runs, 1 failed" in said.out
+
+
+@pytest.mark.slow
+def test_rigid_scenes_run_one_after_another_and_are_gone_on_with(tmp_path, capsys):
+    """Boxes that slide: said, each as alone to the bit, whole after it was stopped."""
+    from wsim.scene.methods import things
+    scene = wsim.load("scenes/dominoes.usda")
+    scene.frames = 4
+    vary, names = "gravity_y=list(-9.81,-5,-3)", {type(t).__name__ for t in things(scene)}
+    whole = list(wsim.sweep(scene, vary, tmp_path / "whole", settings=CPU))
+    assert {r["status"] for r in whole} == {"done"} and {r["worlds"] for r in whole} == {1} and "Body" in names
+    alone = Simulation(replace(scene, gravity=(0.0, -5.0, 0.0)), device="cpu")
+    alone.run()
+    assert whole[1]["rigid_energy"] == alone.indicators()["rigid_energy"]
+    begun = wsim.sweep(scene, vary, tmp_path / "out", settings=CPU)
+    next(begun)
+    begun.close()
+    assert lasting(wsim.sweep(scene, vary, tmp_path / "out", resume=True, settings=CPU)) == lasting(whole)
+    assert cli.main(["sweep", "scenes/dominoes.usda", "--vary", vary, "-o", str(tmp_path / "said"), "--device", "cpu",
+                     "--frames", "1"]) == 0
+    assert "runs go one after another on each worker: worlds of Body" in capsys.readouterr().err
+
+
 def test_the_command_line_writes_the_table_and_tells_failures(file, tmp_path, capsys):
     asked = ["sweep", file, "--vary", "stretch=lin(100,200,2)", "-o", str(tmp_path / "out"), "--device", "cpu", "--frames", "1"]
     assert cli.main(asked) == 0

@@ -103,3 +103,30 @@ def test_memory_of_worlds_is_said_before_they_are_made(monkeypatch):
     with pytest.raises(SceneError, match=r"7 of .* KiB each take .* and .* are free on cpu: 5 fit"):
         Simulation(scene, worlds=7, **CPU)
     assert Simulation(scene, worlds=5, **CPU).worlds == 5
+
+
+@pytest.mark.slow
+def test_worlds_of_several_bodies_have_the_bits_of_one_alone():
+    """Each sweep goes through the colours of one world after another: those of all its bodies and kinds of constraints."""
+    scene = Scene(solver="xpbd", **HOW["xpbd"])
+    for k, n in enumerate((4, 6)):
+        points, counts, indices = grid(n)
+        scene.cloth(f"/cloth{k}", points + (1.5 * k, 0.0, 0.0), counts, indices, model="membrane",
+                    material=Fabric(stretch=300.0, bend=1e-4, damping=1e-4, strain_limit=0.05))
+        scene.pin(f"/pin{k}", scene.cloths[k], [0, 3], stiffness=500.0 if k else np.inf)
+    scene.net("/net", [[0, 2, 0], [0.1, 2, 0], [0.3, 2, 0]], [[0, 1], [1, 2]], [100.0, 50.0], [0.1, 0.1, 0.2])
+    many, alone = Simulation(scene, worlds=5, **CPU), Simulation(scene, **CPU)
+    for sim in (many, alone):
+        sim.run(6)
+    for body in scene.bodies():
+        for world in range(5):
+            assert np.array_equal(many.positions(body.path, world), alone.positions(body.path))
+
+
+def test_worlds_take_the_steps_that_one_alone_takes():
+    """Whatever so many would choose together: 300 worlds of 16 points by the choice of one."""
+    scene = cloth("xpbd")
+    scene.solver = scene.integrator = "auto"
+    many, alone = Simulation(scene, worlds=300, **CPU).plan.choice, Simulation(scene, **CPU).plan.choice
+    assert (many.solver, many.integrator, many.substeps, many.iterations) == (alone.solver, alone.integrator, alone.substeps,
+                                                                              alone.iterations)

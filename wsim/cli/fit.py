@@ -72,8 +72,8 @@ def write(scene: Scene, result: Fit | FieldFit, args) -> None:
     else:
         print(result.text())
         for k, path in enumerate(paths):
-            print(f"{path}: a layer over {os.path.basename(str(scene.source))} with these values"
-                  + f" of {args.many[k]}" * (len(paths) > 1))
+            of = f" of {args.many[k]}" if len(paths) > 1 else ""
+            print(f"{path}: a layer over {os.path.basename(str(scene.source))} with these values{of}")
 
 
 def layers(result: Fit | FieldFit, path: str) -> list[str]:

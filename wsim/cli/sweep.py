@@ -9,6 +9,8 @@ from wsim.cli.sweep_options import settings
 from wsim.scene import Problem, SceneError
 from wsim.simulation.duration import duration
 
+FAILURES = 12          # failed runs that are told one by one
+
 
 def sweep(args) -> int:
     """`wsim sweep`: a table and results; fails where a run did, which the table lists."""
@@ -67,13 +69,17 @@ def _through(prepared, args) -> int:
     progress.say(f"{total} runs" + (f", {before} there already" if before else ""))
     if not quiet:
         prepared.said = lambda text: print(text, file=sys.stderr)
-    failed = 0
+    failed: list[dict] = []
     try:
         for row in prepared.rows(told):
-            failed += row["status"] != "done"
+            failed += [row] * (row["status"] != "done")
     finally:
         progress.clear()
-    return failed
+        for row in failed[:FAILURES]:
+            print(f"run {row['run']} failed: {row['why']}", file=sys.stderr)
+        if len(failed) > FAILURES:
+            print(f"and {len(failed) - FAILURES} more, see the column `why`", file=sys.stderr)
+    return len(failed)
 
 
 def _pictures(args) -> None:
@@ -81,10 +87,10 @@ def _pictures(args) -> None:
     if not (args.sheet or args.plot):
         return
     from wsim.sweep import pictures
-    for column in args.plot:
-        print(pictures.plot(args.output, column))
     if args.sheet:
         print(pictures.sheet(args.output, device=args.device))
+    for column in args.plot:
+        print(pictures.plot(args.output, column))
 
 
 def warm(args) -> int:

@@ -22,9 +22,8 @@ class Launches:
     recorder: Any
     fuser: Any
     points: Any
-    # Many substeps of explicit steps in one launch. Off: on an H200 with fewer threads a point than launches it took 0.75
-    # to 0.85 of their time for sheets and the shirt, up to 1.5 of it for soft bodies; with as many threads it is not measured.
-    fuses = False
+    # Many substeps of explicit steps in one launch. None: where it pays (`wsim.physics.fused.fuser.pays`).
+    fuses: bool | None = None
 
     @property
     def block(self) -> int:
@@ -64,16 +63,15 @@ class Launches:
         """Module of kernels that a block runs by itself. CUDA compiles a module for each block size, so they stand apart."""
         return f"{self.module}_sweep" if self.device.is_cuda else self.module
 
-    def sweep(self, kernel, inputs: list, outputs: list, blocks: int = 1, threads: int = 0) -> None:
-        """Launches a kernel of one block, or of so many that do not meet; on the CPU of a thread for each. threads: of a block,
-        if not BLOCK."""
+    def sweep(self, kernel, inputs: list, outputs: list, blocks: int = 1) -> None:
+        """Launches a kernel of one block, or of so many that do not meet; on the CPU of a thread for each."""
         import warp as wp
 
         from wsim.kernels.math.block import BLOCK
         if self.recorder:
-            self.recorder.opaque(lambda: self.sweep(kernel, inputs, outputs, blocks, threads))
+            self.recorder.opaque(lambda: self.sweep(kernel, inputs, outputs, blocks))
         elif self.device.is_cuda:
-            self.launch_blocks(kernel, blocks, threads or BLOCK, inputs, outputs)
+            self.launch_blocks(kernel, blocks, BLOCK, inputs, outputs)
         else:
             wp.launch(kernel, blocks, inputs, outputs, device=self.device)
 

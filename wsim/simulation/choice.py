@@ -39,6 +39,7 @@ SURE = 1.5             # time over that of XPBD or Newton's method that leapfrog
                        # by a hundredth of theirs or less
 STRUCK = 3.0           # the same where colliders are, for what EULER leaves
 SURER = 1.3            # time of XPBD over that of Newton steps of sheets, from which these are taken: the table is good to that
+RIGHTER = 5.0          # error of XPBD over that of Newton steps, from which these may take SURE times its time
 FINER = 1.02           # ratio of substeps that are tried one after the other for the wanted error
 SOLVED = 2             # Newton steps a substep of soft bodies
 STIFFENED = 1.7        # materials that stiffen under strain need shorter steps than at rest, where the bound is close
@@ -135,7 +136,8 @@ def _soft(model: Model, method: Integrator | None) -> Choice:
     stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
     n = _struck(model, ceil(needed(scene, leapfrog, omega, c) * (STIFFENED if stiffens else 1.0)))
     explicit = cost.seconds(model, cost.explicit(model, n))
-    implicit = cost.seconds(model, cost.newton(model, newton.substeps, iterations))
+    newton = replace(newton, omega=omega)
+    implicit = cost.seconds(model, cost.newton(model, newton.substeps, iterations, omega))
     said = (f"{n} substeps of leapfrog keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; Newton steps "
             f"would take {1e3 * implicit:.3g} ms for {newton.steps} of {newton.integrator.name}")
     if explicit <= _worth(scene) * implicit:
@@ -185,7 +187,8 @@ def _auto(model: Model) -> Choice:
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
                       f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
     why = f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
-    if newton and SURER * solved < sweeps:
+    if newton and (SURER * solved < sweeps or
+                   solved <= SURE * sweeps and RIGHTER * predicted(model, newton) <= predicted(model, xpbd)):
         return replace(newton, why=f"{why}XPBD {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}; Newton steps "
                        f"take {1e3 * solved:.3g} ms for {newton.substeps} of BDF2")
     return replace(xpbd, why=why

@@ -5,14 +5,17 @@
                prints the fitted constants; nothing is timed at build
 
     step, spring, element       a substep of leapfrog (one more for each kind of element), a spring in it, an element by weight
+    blown                       a substep of it in which air acts
     block, tet                  a substep of soft bodies, a tet in it; ten-node tets count TEN, those of a CPU that packets do
                                 not take ALONE
     rest, sweep, projection     a substep of XPBD, a sweep over a kind of constraint, a constraint in it by its weight
-    newton, solved              a Newton step of soft bodies, a tet in it
+    newton, solved              a Newton step of soft bodies, a tet in it; of a GPU `iterated` besides
     assembled                   a constraint, by its weight, in a Newton step of sheets
-    gradient, conjugate         such a step, and a point in it, times the root of omega h, as the iterations of its solve go
+    gradient, conjugate         such a step, and a point in it, times the root of omega h, as the iterations of its solve go;
+    iterated                    instead of both where a cluster of blocks iterates
     pressed                     what contacts add to such a step, and to a system
     touch, near                 a launch for contacts (a search a substep, a projection an iteration), a point beside a collider
+    mesh                        a search of a mesh in a substep
     met, damped, body           what a frame is said to take besides (`frame`), which no choice depends on: a point that may
                                 touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
                                 time / step), as the iterations of its solve go; a rigid body, or what else
@@ -23,34 +26,39 @@
 
 from math import sqrt
 
+import numpy as np
+
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
 from wsim.scene import Soft, Surface
 
-# H200: leapfrog 4.5 us at 1k points, 12 us at 0.6M springs (nets that a cluster takes: 0.42 us at 1k points, 0.74 at 4k, 1.06
-# at 8k); XPBD 14 colours of 2 us, 2.1e-11 s a spring (choice_h200.json). Corotational tets: leapfrog 12 us a substep of 25k,
-# 112 of 976k; a Newton step 0.27 to 0.36 ms of 2560 tets, 4.3 to 8 of 976k (soft_h200.json). Contacts: 19 to 25 us to find
-# and 7 to project a million points that touch nothing (contact_h200.json), in launches of 2 us. Choices among the runs that
-# choice_h200.json has measured: 2 of 35 take over 1.3 times the fastest that errs by less than wanted, 1.54 times at most
-# (tools/bench/choice/costs.py replays it)
-# Newton steps of sheets: 24 runs of 24 to 64 points a side on an H100 (newton_h100.json), said to take 0.8 to 1.1 of what they
-# do while omega h is below 75, to 0.4 beyond; of 12 to 40 a side on a CPU (choice_newton_cpu.json), 0.6 to 1.2, below 200
+# GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
+# that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
+# cluster takes 0.42 us a substep at 1k points, 1.06 at 8k; XPBD 14 colours of 2 us, 2.1e-11 s a spring
+# (choice_h200.json); tets 112 us a substep of 976k, a Newton step of these 4.3 to 8 ms
+# (soft_h200.json); contacts 19 to 25 us to find and 7 to project a million points that touch nothing (contact_h200.json).
+# Choices among the runs that choice_h200.json has measured: 2 of 35 take over 1.3 times the fastest that errs by less than
+# wanted, 1.54 times at most (tools/bench/choice/costs.py replays it), beside 2 of soft bodies, whose iterations are not in it
+# Newton steps of sheets on a CPU, 12 to 40 points a side (choice_newton_cpu.json): 0.6 to 1.2, below omega h of 200
 # Cells of a fluid: fluids_h200.json. CPU: one core of an EPYC (choice_epyc_2_cores.json); met, damped, body, cell fitted to
 # the examples (tools/bench/choice/said.py, said_cpu.json)
 COSTS = {
-    "cuda": {"step": 3.8e-6, "spring": 1.3e-11, "element": 2.2e-11, "block": 3.2e-6, "tet": 1.05e-10, "rest": 9e-6,
-             "sweep": 2.5e-5, "projection": 2.1e-11, "newton": 3.5e-4, "solved": 5e-9,
-             "assembled": 5.8e-9, "gradient": 2.2e-5, "conjugate": 2.2e-8, "pressed": 1.8e-4,
-             "touch": 4e-6, "near": 3e-11,
+    "cuda": {"step": 4.7e-6, "spring": 1.3e-11, "element": 2.2e-11, "blown": 9e-6, "block": 3.2e-6, "tet": 1.05e-10,
+             "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
+             "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
+             "touch": 5.1e-6, "near": 3e-11, "mesh": 5.8e-5,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
             "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
-            "met": 1.2e-7, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
+            "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
+ITERATED = 2048        # points of a sheet, up to which a cluster of CLUSTER blocks has its rows in registers
+CLUSTER = 16
+RATE = 8.0             # root of omega h of soft bodies where it is not known
 
 
 def seconds(model: Model, counted: dict[str, float]) -> float:
@@ -67,7 +75,8 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
     others = sum(row(kind).gather != SPRINGS for kind in kinds)
-    return {"step": n * (1 + others), "spring": n * springs, "element": n * (work - springs),
+    blown = any(cloth.drag or cloth.lift for cloth in model.scene.cloths)
+    return {"step": n * (1 + others), "spring": n * springs, "element": n * (work - springs), "blown": n * blown,
             "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
 
 
@@ -78,18 +87,32 @@ def sweeps(model: Model, n: int, iterations: int) -> dict[str, float]:
             **_contacts(model, n, iterations)}
 
 
-def newton(model: Model, n: int, iterations: int) -> dict[str, float]:
-    """Counts of a frame of n systems of soft bodies, and of sheets that share their points, of so many Newton steps each."""
+def newton(model: Model, n: int, iterations: int, omega: float = 0.0) -> dict[str, float]:
+    """Counts of a frame of n systems of soft bodies, and of sheets that share their points, of so many Newton steps each.
+    omega: the highest frequency [rad/s], 0: not known."""
     times, (_, work, _) = n * iterations, _constraints(model)
-    return {"newton": times, "solved": times * _tets(model, 1), "assembled": times * work, **_contacts(model, n, iterations)}
+    rate = sqrt(max(1.0, omega / model.scene.fps / n)) if omega and iterated(model) else RATE
+    return {"newton": times, "solved": times * _tets(model, 1), "assembled": times * work, **_contacts(model, n, iterations),
+            **({"iterated": times * rate} if model.device.is_cuda else {})}
 
 
 def solved(model: Model, n: int, iterations: int, omega: float) -> dict[str, float]:
     """Counts of a frame of n systems of sheets and nets, of so many Newton steps each. omega: the highest frequency [rad/s]."""
     _, work, _ = _constraints(model)
     times, rate = n * iterations, sqrt(max(1.0, omega / model.scene.fps / n))
-    return {"assembled": times * work, "conjugate": times * rate * model.points, "gradient": times * rate,
+    if iterated(model):
+        iterations_of = {"iterated": times * rate}
+    else:
+        iterations_of = {"conjugate": times * rate * model.points, "gradient": times * rate}
+    return {"assembled": times * work, **iterations_of,
             "pressed": (n + times) * bool(model.scene.colliders), **_contacts(model, n, iterations)}
+
+
+def iterated(model: Model) -> bool:
+    """True where a cluster of blocks solves for each body: `wsim.physics.fused.conjugate`."""
+    sizes = np.diff(model.starts)
+    return (model.device.is_cuda and model.device.arch >= 90 and sizes.max(initial=0) <= ITERATED
+            and CLUSTER * len(sizes) <= model.device.sm_count and not any(r.row.gather == SPRINGS for r in model.constraints))
 
 
 def highest(model: Model) -> float:
@@ -106,7 +129,7 @@ def frame(model: Model, choice) -> dict[str, float]:
     if choice.solver == "explicit":
         return explicit(model, n) | _besides(model, n, 0)
     if model.scene.softs:
-        return newton(model, n, choice.iterations) | _besides(model, n, n * choice.iterations)
+        return newton(model, n, choice.iterations, choice.omega) | _besides(model, n, n * choice.iterations)
     if choice.solver == "implicit":
         return solved(model, n, choice.iterations, choice.omega or highest(model)) | _besides(model, n, 0)
     return sweeps(model, n, choice.iterations) | _besides(model, n, 0)
@@ -149,9 +172,10 @@ def _packed(body) -> bool:
 
 def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:
     """What colliders add, met or not. A mesh that moves is fitted anew every substep."""
-    met = 0.0
+    met, meshes = 0.0, 0
     for c in model.scene.colliders:
         mesh = isinstance(c.shape, Surface)
+        meshes += mesh
         met += model.points * (MESH if mesh else 1.0)
         met += len(c.shape.indices) if isinstance(c.shape, Surface) and (c.shape.poses is not None or c.motion.moves) else 0.0
-    return {"touch": n * (1 + iterations), "near": n * met} if model.scene.colliders else {}
+    return {"touch": n * (1 + iterations), "near": n * met, "mesh": n * meshes} if model.scene.colliders else {}

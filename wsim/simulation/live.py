@@ -21,7 +21,7 @@ from wsim.scene.methods import named, things
 from wsim.scene.nodal.separate import apart
 from wsim.scene.values import table
 from wsim.scene.values.value import Value
-from wsim.simulation import retry
+from wsim.simulation import retry, varying
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
@@ -60,6 +60,9 @@ def set_value(sim: Simulation, path: str, name: str, value, world) -> None:
     row = table.find(type(thing).__name__, name)
     if row is None or not row.live:
         raise _unknown(sim, thing, path, name, world)
+    if varying.curved(value) and row.form in ("number", "vector", "factor"):
+        varying.give(sim, path, name, value, world)
+        return
     value = _judged(sim, row, thing, path, value, world)
     undo = _remembered(sim)
     if not any([m.set(path, name, value, world) for m in sim.plan.methods]):
@@ -74,7 +77,8 @@ def _set_each(sim: Simulation, path: str, name: str, given, worlds: list[int]) -
     row = table.find(type(thing).__name__, name)
     if len(given) != len(worlds):
         raise SceneError(Problem(path, f"{name} has {len(given)} values for {len(worlds)} worlds; give one for each"))
-    if worlds != list(range(sim.worlds)) or row is None or not row.live or row.form not in ("number", "vector"):
+    single = worlds != list(range(sim.worlds)) or any(map(varying.curved, given))
+    if single or row is None or not row.live or row.form not in ("number", "vector"):
         for value, world in zip(given, worlds, strict=True):
             set_value(sim, path, name, value, world)
         return

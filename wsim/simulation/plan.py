@@ -185,9 +185,9 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     b = _chosen(model, fps)
     b.reasons = {row.name: needed(row, b) for row in METHODS}
     model.module = _module(b) + ADJOINT * gradients
-    if model.fuses and b.choice.solver == "explicit":
-        from wsim.physics.fused.fuser import Fuser, apart
-        model.fuser = None if apart(model, b.reasons) else Fuser(model)
+    if b.choice.solver == "explicit" and (model.device.is_cuda if model.fuses is None else model.fuses):
+        from wsim.physics.fused.fuser import Fuser, apart, pays
+        model.fuser = None if apart(model, b.reasons) or model.fuses is None and not pays(model) else Fuser(model)
     if model.bodies:
         points = Part.allocate("points", _fields(b), model.points, real, device)
         points.rows = {(body.path, body.world): places(body) for body in model.bodies}

@@ -10,6 +10,7 @@ import numpy as np
 
 from wsim.scene import Problem, SceneError
 from wsim.scene.check import counts
+from wsim.scene.curve import Curve
 from wsim.scene.integrator import TABLE
 from wsim.scene.values.table import stiffens
 from wsim.simulation import plan as plans
@@ -37,7 +38,7 @@ def enter(sim: Simulation) -> None:
 
 def begin(sim: Simulation) -> None:
     """The tables of the frame to come; what varies in time has its values of that frame."""
-    if sim.scene.varying:
+    if sim.scene.varying or any(isinstance(change[2], Curve) for change in sim.changes):
         from wsim.simulation.varying import follow
         follow(sim)
     sim.plan.before_frame(sim.time)

@@ -245,8 +245,8 @@ class Simulation:
         or collider; positions, velocities (world, author's order) of a body; velocity, spin, force, torque, drag, spin_drag,
         mass, inertia of a rigid one, which goes on as fast, friction, restitution of its colliders; stiffness, damping, target,
         speed of a joint's drives; lift, weight, vorticity, smoke_decay, cooling, viscosity, side_velocities, acceleration of a
-        fluid; smoke, temperature, expansion, strength, place of a source. Values are copied. Raises SceneError, with nothing
-        changed, where a scene would not take it, and over `counts.MOST` substeps."""
+        fluid; smoke, temperature, expansion, strength, place of a source. A number or vector may be a Curve, which is followed.
+        Values are copied. Raises SceneError, with nothing changed, where no scene takes it, and over `counts.MOST` substeps."""
         from wsim.simulation import live
         with GATE.alone():
             live.set_value(self, path, name, value, world)

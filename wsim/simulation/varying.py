@@ -2,7 +2,7 @@
 
 A frame has the value at its middle, so that what a value does over a frame is met to second order in the length of a frame;
 targets and speeds of drives are met in each substep (`wsim.physics.rigid.joints.aims`).
-What a user sets by hand from then on stays as it was set.
+What a user sets by hand from then on stays as it was set; a `Curve` that is set is followed likewise, in one world or in all.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from wsim.scene import Motion, Scene, Varying
+from wsim.scene.curve import Curve
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
@@ -24,8 +27,48 @@ def follow(sim: Simulation) -> None:
             continue
         _put(sim, thing.path, thing.name, value)
         set_before[key] = value
-        for change in [c for c in sim.changes if c[1] == thing.name]:
+        for change in [c for c in sim.changes if c[1] == thing.name and not curved(c[2])]:
             _put(sim, *change)
+    _given(sim, set_before)
+
+
+def _given(sim: Simulation, set_before: dict) -> None:
+    """Sets the values of curves that were set by hand, as `follow` does, whatever the scene's own have put there."""
+    put = {key for key in set_before if len(key) == 2}
+    for path, name, curve, world in [c for c in sim.changes if curved(c[2])]:
+        value, key = curve.at(sim.time + 0.5 / sim.scene.fps), (path, name, world)
+        if (path, name) in put or not (key in set_before and np.array_equal(set_before[key], value)):
+            _put(sim, path, name, value, world)
+            set_before[key] = value
+            put |= {(path, name)} if world is None else set()
+
+
+def curved(value) -> bool:
+    """True for a value over time that `give` has set."""
+    return isinstance(value, Curve) and not isinstance(value, Motion)
+
+
+def give(sim: Simulation, path: str, name: str, curve: Curve, world: int | None) -> None:
+    """Sets a curve from here on: the substeps that its stiffest value needs, then its value of the frame to come. Raises
+    SceneError for what a value could not be, and where a recording has one value for all frames."""
+    if sim.gradients:
+        from wsim.scene.values import coverage
+        raise coverage.refuse("varying", path, name=name, count=1)
+    for value in _ends(Varying(path, name, curve), sim.scene) if curve.moves else ():
+        _put(sim, path, name, value, world)
+    _put(sim, path, name, curve.at(sim.time + 0.5 / sim.scene.fps), world)
+    sim.changes = [c for c in sim.changes if c[:2] != (path, name) or world not in (None, c[3])] + [(path, name, curve, world)]
+    for key in [key for key in sim.plan.followed if key[:2] == (path, name)]:
+        del sim.plan.followed[key]
+
+
+def _ends(thing: Varying, scene: Scene) -> tuple:
+    """Least and greatest values of a curve, of each number of a vector."""
+    read = thing.curve.values
+    if not thing.curve.plain:
+        from wsim.scene.check.varying import frames
+        read = np.concatenate([read, frames(thing, scene)])
+    return read.min(axis=0), read.max(axis=0)
 
 
 def by_frames(sim: Simulation) -> list:
@@ -38,11 +81,7 @@ def settle(sim: Simulation) -> None:
     """Takes the substeps that the stiffest of the values need, of an explicit integrator: then every frame of a run, and of one
     that goes on in its middle, has as many."""
     for thing in by_frames(sim) if sim.plan.find("least") else ():
-        read = thing.curve.values
-        if not thing.curve.plain:
-            from wsim.scene.check.varying import frames
-            read = np.concatenate([read, frames(thing, sim.scene)])
-        least, most = read.min(axis=0), read.max(axis=0)
+        least, most = _ends(thing, sim.scene)
         _put(sim, thing.path, thing.name, least if thing.name == "density" else most)
     follow(sim)
 

@@ -14,9 +14,10 @@ import numpy as np
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.scene import check
 from wsim.scene.methods import named
-from wsim.sweep.draws import Draw
 from wsim.sweep.job import Job
-from wsim.sweep.target import FILE, START, Target, resolve
+from wsim.sweep.vary import curves
+from wsim.sweep.vary.draws import Draw
+from wsim.sweep.vary.target import FILE, START, Target, resolve
 from wsim.usd.result import provenance
 
 TOLD = 12              # refused draws that are told one by one
@@ -86,7 +87,10 @@ class Cases:
                 variants.setdefault(target.path, {})[target.what] = _text(draw[name])
         if variants and isinstance(self.job.scene, Scene) and file is None:
             raise SceneError(Problem(next(iter(variants)), "a scene made in Python has no variants; give the path of a file"))
-        base = whole = self.scene(file, variants)
+        base = self.scene(file, variants)
+        for target in found.values():
+            base = target.bare(base) if target.kind == "value" else base
+        whole = base
         lives: list[tuple[str, str, Any]] = []
         built: list[tuple] = []
         for name, target in found.items():
@@ -135,7 +139,8 @@ class Cases:
             try:
                 self.target(name, self.scene(file), file)
             except SceneError as error:
-                found |= dict.fromkeys(error.problems)
+                of = "" if file is None or name in (START, FILE) else f" (in {file})"
+                found |= dict.fromkeys(Problem(p.path, p.text + of * (p.path != file)) for p in error.problems)
         return list(found)
 
 
@@ -181,4 +186,5 @@ def begin(sim, restart, world: int | None = None) -> None:
 
 def absolute(draw: Draw) -> Draw:
     """The draw with its files by their whole paths, for workers elsewhere."""
-    return {name: os.path.abspath(_text(given)) if name in (START, FILE) else given for name, given in draw.items()}
+    return {name: os.path.abspath(_text(given)) if name in (START, FILE) or curves.named(given) else given
+            for name, given in draw.items()}

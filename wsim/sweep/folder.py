@@ -35,7 +35,10 @@ class Folder:
         """names: of the draws' targets, in order."""
         self.path, self.names, self.rows = Path(path), names, dict[int, Row]()
         self.written = 0.0
-        self.path.mkdir(parents=True, exist_ok=True)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError):
+            raise SceneError(Problem(path, "is a file, or lies in one; give a folder")) from None
         known = self._known()
         if known is None:
             if any(self.path.iterdir()):
@@ -43,7 +46,7 @@ class Folder:
             replace_text(self.path / "sweep.json", json.dumps(identity, indent=1))
         elif known != identity:
             raise SceneError(Problem(path, f"holds another sweep ({differs(known, identity)}); give another folder"))
-        elif not resume:
+        elif not resume and (self.path / "rows.jsonl").exists() and (self.path / "rows.jsonl").stat().st_size:
             raise SceneError(Problem(path, "holds this sweep already; go on with it by --resume, or give another folder"))
         self._read()
         self.journal = open(self.path / "rows.jsonl", "a", encoding="utf-8")           # noqa: SIM115  (closed by `close`)

@@ -4,8 +4,8 @@
         print(row["/flag:stretch"], row["max_strain"])
 
 Every draw is checked before anything runs. Runs are handed out in parts, to this process or to workers of Ray; a row is on the
-disk before it is yielded. `wsim.sweep.folder` says what stands in the folder, `wsim.sweep.draws` how draws are written,
-`wsim.sweep.target` what may vary.
+disk before it is yielded. `wsim.sweep.folder` says what stands in the folder, `wsim.sweep.vary.draws` how draws are written,
+`wsim.sweep.vary.target` what may vary.
 """
 
 import os
@@ -15,11 +15,11 @@ from importlib.util import find_spec
 from typing import Any
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.sweep import draws as drawn
 from wsim.sweep.case import Cases, absolute, digest
-from wsim.sweep.draws import Draw
 from wsim.sweep.folder import Folder
 from wsim.sweep.job import Job, Settings
+from wsim.sweep.vary import draws as drawn
+from wsim.sweep.vary.draws import Draw
 
 Row = dict[str, Any]
 SHARES = 4             # parts that each worker gets at least, so that the last do not wait for one
@@ -88,6 +88,9 @@ class Sweep:
         """Rows of parts as they end."""
         if not runs:
             return
+        if len(runs) > 1 and self.base.others and self.job.runs == Job.runs:
+            self.said(f"runs go one after another on each worker: worlds of {', '.join(sorted(self.base.others))} share no "
+                      "arrays in a sweep")
         if self.job.settings.remote:
             from wsim.sweep.cluster import Cluster
             with Cluster(self.job) as cluster:

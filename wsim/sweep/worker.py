@@ -20,8 +20,8 @@ from wsim.simulation.retry import Company
 from wsim.simulation.simulation import PRECISIONS, Simulation
 from wsim.sweep import case as cases
 from wsim.sweep.case import Case, Cases
-from wsim.sweep.draws import Draw
 from wsim.sweep.job import Job
+from wsim.sweep.vary.draws import Draw
 from wsim.sweep.world import Layers, World, worlds_of
 
 Row = dict[str, Any]

@@ -118,7 +118,7 @@ def test_a_sheet_falls_on_a_floor_as_with_contacts_throughout(form, held):
     free, met = Simulation(scene, **CPU), held(scene)
     for sim in (free, met):
         sim.run(24)
-    assert free.forms["repeated"] >= 1 and free.forms["free"] >= 5 and free.forms["met"] >= 5
+    assert free.forms["repeated"] <= 1 and free.forms["free"] >= 5 and free.forms["met"] >= 5      # it is seen to come
     assert free.forms["repeated"] <= 3                                        # it stays with contacts once it has met
     assert np.abs(free.positions() - met.positions()).max() <= (1e-9 if form in WHOLE else 0.0)
     assert free.positions()[:, 2].min() >= 0.0 and free.indicators()["penetration"] == 0.0
@@ -155,6 +155,15 @@ def test_what_is_through_a_thin_wall_within_a_frame_is_caught(form, held):
         s.step()
     assert sim.forms == {"free": 0, "met": 1, "repeated": 1} and sim.positions()[:, 2].min() > -0.9
     assert np.array_equal(state(sim), state(met))
+
+
+@pytest.mark.parametrize("form", ["march", "xpbd"])
+def test_a_ball_that_comes_steadily_is_met_without_repeating_a_frame(form):
+    """At 1.2 m/s, 2 cm a frame, it lifts a sheet that was at rest by 5 cm, and goes."""
+    way = Motion.through([0.0, 0.5, 1.0], [(0.0, 0.0, -0.75), (0.0, 0.0, -0.15), (0.0, 0.0, -0.75)], kind="linear")
+    sim = Simulation(sheet(Sphere(0.2), motion=way, **FORMS[form] | {"gravity": (0.0, 0.0, 0.0)}), **CPU)
+    sim.run(60)
+    assert sim.forms["repeated"] == 0 and sim.forms["free"] >= 20 and sim.forms["met"] >= 5
 
 
 @pytest.mark.parametrize("form", ["march", "leaps", "stages"])

@@ -1,15 +1,21 @@
 """Many substeps in one launch: the same functions over the same arrays in the same order, so the same bits as launch by launch.
 On a CPU the kernel has one thread; the phases, the numbers that change and what is launched apart are those of a GPU."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import warp as wp
 
 import wsim
 from wsim import Bulk
+from wsim.model import model as models
 from wsim.model.launches import Launches
+from wsim.physics.cloth.constraints import constrain
+from wsim.physics.fused import fuser
 from wsim.physics.fused.program import Numbers, phases
 from wsim.physics.fused.recorder import Recorder
-from wsim.scene import Motion, Plane, Scene, Sphere, shapes
+from wsim.scene import Motion, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.fabric import Fabric
 
 CLOTH = Fabric(stretch=300.0, shear=100.0, bend=1e-3, thickness=2e-3, damping=1e-4)
@@ -134,3 +140,21 @@ def test_a_substep_that_differs_is_launched_apart(monkeypatch):
     assert sim.model.fuser.launched == 0 and "substep to substep" in sim.model.fuser.why
     want, _, _ = run(cube(), "float32", monkeypatch, False, frames=1)
     assert np.array_equal(x, want)
+
+
+def test_elements_of_some_points_are_fused_on_a_gpu_but_not_on_a_mesh(monkeypatch):
+    gpu = SimpleNamespace(is_cuda=True)
+
+    def paid(scene: Scene) -> bool:
+        model = models.build(scene, 1, wp.get_device("cpu"), wp.float32)
+        constrain(model)
+        assert not fuser.pays(model)
+        model.device = gpu
+        return fuser.pays(model)
+    on_mesh, net = cube(), Scene(solver="explicit")
+    net.net("/net", np.eye(3), [(0, 1), (1, 2)], 100.0, 0.1)
+    points, counts, indices = shapes.sphere(0.1, 4)
+    on_mesh.collider("/mesh", Surface(points, counts, indices))
+    assert paid(cube()) and paid(sheet()) and not paid(on_mesh) and not paid(net)
+    monkeypatch.setattr(fuser, "MOST", 10)
+    assert not paid(cube())

@@ -80,7 +80,7 @@ class Run:
     def __init__(self, made: Scene, setting: str, device: str, ends: list[int], precision: str = "float32", **more):
         from wsim.model.launches import Launches
         from wsim.simulation.simulation import Simulation
-        before, Launches.fuses = Launches.fuses, setting == "fused"
+        before, Launches.fuses = Launches.fuses, {"launched": False, "fused": True}.get(setting)
         try:
             began = time.perf_counter()
             self.sim = sim = Simulation(replace(made, **SETTINGS[setting] | more), device=device, precision=precision)

@@ -153,6 +153,8 @@ def measure(cells: int, device: str, precision: str) -> dict[str, tuple[float, f
     def assemble():
         a = m.points.anchor
         launch(m.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, m.element])
+        if m.apart:
+            launch(m.gather, newton.LANES * n, [m.rows, m.element], [m.A])
         launch(m.assemble, n, [m.rows, springs, m.element, m.points.at(d=s.d, a=a), m.b, rate], [m.f, m.A])
 
     def prepare():

@@ -20,9 +20,9 @@ LANES = 4096           # threads that sum an energy
 class Curvature:
     """Curvatures of the hinges of some rows, which stand in a table in `order`."""
 
-    def __init__(self, model: Model, rows: list[Any], order: np.ndarray | None = None, stored: bool = False):
-        """rows: of `wsim.physics.cloth.constraints`, of hinges; order: row of the table at each place, None: the same; stored:
-        G has a place."""
+    def __init__(self, model: Model, rows: list[Any], order: np.ndarray | None = None, apart: bool = False):
+        """rows: of `wsim.physics.cloth.constraints`, of hinges; order: row of the table at each place, None: the same; apart:
+        `room` is made when it is needed."""
         self.model, self.rows, t = model, rows, types(model.real)
         self.hinges = sum(len(r.ids) for r in rows)
         self.triangles = sum(len(r.coupling.slot) for r in rows)
@@ -33,6 +33,12 @@ class Curvature:
         self.data = d = kernels.curvatures(model.real)()
         for name, values in self.tables().items():
             setattr(d, name, model.upload(values, {"value": t.vec3, "own": t.scalar}.get(name, int)))
+        if not apart:
+            self.room()
+
+    def room(self, stored: bool = False) -> None:
+        """Arrays that change, and the kernel of sums. stored: G has a place."""
+        model, d, t = self.model, self.data, types(self.model.real)
 
         def over(count: int, dtype) -> wp.array:
             return wp.zeros(count, dtype=dtype, device=model.device)

@@ -33,7 +33,7 @@ class Elements:
         self.curvature: Any = None
         if self.row.gather == SHEET:
             from wsim.physics.cloth.curvature import Curvature
-            self.curvature = Curvature(model, rows, stored=True)
+            self.curvature = Curvature(model, rows, apart=True)
 
     def stiffness(self) -> np.ndarray:
         """alpha^-1, (m,); of a membrane (m, 4): (uu, uv, shear, vv) of plane stress."""
@@ -54,6 +54,7 @@ class Elements:
         self.damped, real, module = damped, self.model.real, self.model.module
         if self.curvature:
             from wsim.kernels.cloth import curvature
+            self.curvature.room(stored=True)
             self.strained, self.kernel = curvature.strained(real, module, damped), curvature.corners(real, module)
         elif self.row.equation.rows == 3:
             self.kernel = element.corners(real=real, module=module, damped=damped)

@@ -7,7 +7,8 @@ in every substep whether one goes further: then the frame is repeated with conta
 
 Which form is tried first follows from the state alone, so that a restart goes on to the bit: a frame with contacts marks the
 points that touched, or whose clearance where it ended was less than AHEAD frames of their speed, and the next frame has
-contacts again where there is a mark. A frame without contacts ends without marks. Where a point of any world or body may meet
+contacts again where there is a mark. A frame without contacts marks points whose clearance would not last for NEXT frames of
+their speed, colliders going on as they do: the next one would be repeated. Where a point of any world or body may meet
 something, the frame has contacts for all.
 
 Always with contacts: colliders that throw points back, meshes that deform, so many colliders that a tree finds them, and
@@ -24,6 +25,8 @@ from wsim.scene import Plane, Scene, Surface
 from wsim.scene.methods import carried
 
 REACHED = "a collider may be met"         # status word: in this frame without contacts; after one with contacts: in the next
+SOON = "a collider may be met soon"       # status word: in the frame behind this one, which has no contacts
+NEXT = 2.25            # frames, this one and the next, with a quarter for what accelerates
 AHEAD = 2.0            # frames at the speed of a point that it must be away from contacts. A frame that is repeated has cost
                        # its time without contacts in vain; one that has contacts and needs none, theirs
 
@@ -46,11 +49,13 @@ class Clearance:
         self.clock, self.whole, model, state, contacts = clock, whole, contact.model, contact.state, contact.contacts
         real, module, kinds, t = model.real, model.module, contacts.kinds, types(model.real)
         contact.status.reserve(REACHED)
+        contact.status.reserve(SOON)
         self.room = wp.zeros(model.points, dtype=real, device=model.device)
         rows, m = contacts.rows, kernels.movements(real)()
         radius = np.where(np.isfinite(rows.radius), rows.radius, -1.0)
         m.ball = model.upload(np.concatenate([rows.centers(), radius[:, None]], axis=1)[rows.collider], t.vec4)
         m.loss = wp.zeros(len(rows.collider), dtype=t.vec2, device=model.device)
+        m.ahead = NEXT * clock.dt
         self.moves, self.sweeps = m, kernels.sweeps(real, module)
         self.measure, self.near = kernels.clearance(kinds, real, module), kernels.near(kinds, real, module)
         self.stray = None if whole and not contact.points.integrator.stages else kernels.stray(real, module)
@@ -76,8 +81,9 @@ class Clearance:
 
     def hear(self) -> bool:
         """True if the frame that has ended had no contacts and should have."""
-        self.said = bool(self.status.said(REACHED)[0])
-        return self.said and self.clock.free
+        reached = bool(self.status.said(REACHED)[0])
+        self.said = reached or bool(self.status.said(SOON)[0])
+        return reached and self.clock.free
 
     def moved(self) -> None:
         """Colliders have other poses in the frame to come."""
@@ -86,8 +92,9 @@ class Clearance:
 
     def begin(self, clock: Clock) -> None:
         c = self.contacts
-        self.model.launch(self.measure, self.model.points, [c.table, c.points, self.moves, self.state.x, c.slots],
-                          [self.room, c.struck])
+        at = c.read(x=self.state.x, v=self.state.v)
+        self.model.launch(self.measure, self.model.points, [c.table, c.points, self.moves, at, c.slots],
+                          [self.room, c.struck, self.status.word(SOON)])
 
     def look(self, clock: Clock) -> None:
         """Looks at a substep that is predicted."""

@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
+from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.fused.program import Program, longest
 from wsim.physics.fused.recorder import Op, Recorder, recorded
 from wsim.physics.fused.source import ALONE, GRID, Shape, make
+from wsim.scene import Surface
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -29,6 +31,10 @@ TRIED = 8              # substeps from which the kernels of a frame follow
 # 132 x 512 87, the cluster 142
 THREADS, FEWER = 512, 128
 LARGEST = 200_000      # items of a phase from which launches are no more what counts
+# points up to which it is the default, of elements on anything but a mesh. H100, ms a frame, launched and fused: squeezed cube
+# (343 points) 9.3, 6.3; flag (925) 9.2, 6.9; bear (961) 1.6, 1.0; sheet of 33 x 33 (1089) 3.7, 3.2, damped 21.3, 17.4; cape
+# (1705) 36, 28; the shirt (6436) hung 25.8, 22.9, on its dummy, a mesh, 94, 102
+MOST = 8192
 
 
 def shape_of(device, widest: int) -> Shape:
@@ -123,6 +129,14 @@ class Fuser:
     def words(self, shape: Shape, ops: list[Op]) -> str:
         blocks = "" if shape.kind == ALONE else f" of {shape.blocks} blocks of {shape.threads} threads"
         return f"substeps in one launch{blocks}: {len(ops)} kernels in {self.phases} phases"
+
+
+def pays(model: Model) -> bool:
+    """True where the fused form is the default: see MOST."""
+    scene = model.scene
+    elements = bool(scene.softs) or any(r.row.gather != SPRINGS for r in model.constraints if not r.hard)
+    return (model.device.is_cuda and elements and model.points <= MOST and not model.gradients
+            and not any(isinstance(c.shape, Surface) for c in scene.colliders))
 
 
 def _launch(step: list[Op]) -> None:

@@ -1,9 +1,9 @@
 """Explicit integrators: forces are gathered by points, a launch a substep. See kernels/motion/explicit.py.
 
 Where nothing but springs, elements and hard pins acts, the positions at the start of a frame stay and displacements grow
-through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks, and springs alone on a CPU in
-one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act on every substep: its positions are committed
-at its end, and what they changed becomes a velocity. Frames without contacts: `wsim.physics.motion.one_launch.FreeFrames`.
+through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks, and on a CPU nets or sheets in
+one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act on every substep: positions are committed at
+its end, and what they changed becomes a velocity. Frames without contacts: `wsim.physics.motion.one_launch.FreeFrames`.
 """
 
 from __future__ import annotations
@@ -59,14 +59,16 @@ class Explicit(Method):
         self.staged: Any = import_module("wsim.kernels.motion.runge_kutta") if self.integrator.stages else None
         self.at_once: Any = None      # whole frames in a launch
         self.columns = None if pins is None else pins.columns()
+        self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
-                                alone=not (self.integrator.stages or steps and (not free or model.device.is_cuda)))
+                                alone=not (self.integrator.stages or steps and (not free or model.device.is_cuda)),
+                                packed=not (self.integrator.stages or self.acts))
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
-        self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         self.free: Any = None         # `wsim.physics.motion.one_launch.FreeFrames`
         self.make(clock.substeps)
-        self.watch = None if self.marches and not self.steps else Watch(model, state, self.status, explicit=True)
+        looks = self.marches and not (self.steps or self.pull.sheets)           # at its edges, by itself
+        self.watch = None if looks else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
         self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.spring_tables,
                        "forces": self.forces, "impacts": self.impacts, "earlier": lambda: self.earlier,
@@ -79,12 +81,10 @@ class Explicit(Method):
     def make(self, count: int) -> None:
         """Kernels and stages."""
         model, real, module, pull = self.model, self.model.real, self.model.module, self.pull
-        what, size = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements", pull.bytes
-        plain = not (pull.elements or self.integrator.stages or self.field or self.acts)
-        self.marches = pull.added and plain
-        if self.marches:
-            self.march = march_cpu.march(real, module, self.damped, self.apart)
-        if plain and not self.steps and (pull.cluster or self.marches):
+        what, size = f"{pull.count} springs, {sum(len(e.ids) for e in pull.elements)} elements{pull.form()}", pull.bytes
+        self.march = None if self.integrator.stages or self.field or self.acts else pull.march(module, self.apart)
+        self.marches = self.march is not None
+        if not self.steps and (self.marches or pull.cluster and not self.field):
             from wsim.physics.motion.one_launch import whole_frames
             self.at_once, stage = whole_frames(self, size * count, what)
             self.stages = [stage]
@@ -291,7 +291,7 @@ class Explicit(Method):
     def send(self) -> None:
         """Uploads constraints."""
         for pull in {self.pull, self.free.pull if self.free else self.pull}:
-            pull.refresh()
+            self.moved = pull.refresh() or self.moved
         if self.watch:
             self.watch.follow()
 

@@ -8,6 +8,7 @@ world, so that worlds have the bits of one alone; how many threads share a point
 
 from collections.abc import Callable
 from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -26,19 +27,21 @@ from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.motion import cluster
 from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.physics.motion.packets import Packets
-from wsim.physics.motion.threads import Abreast, cores, orders
+from wsim.physics.motion.threads import Abreast, cores, orders, shares
 
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
 PADDED = 1.5           # entries over springs' ends that padding may cost above
+PACKED = {"membrane", "dihedral"}      # elements that a march on a CPU knows
 
 
 class ForceGather:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
     def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None, alone: bool = False,
-                 staged: bool = False, shared: bool = True):
+                 staged: bool = False, shared: bool = True, packed: bool = False):
         """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it.
-        staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point."""
+        staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point. packed: who
+        asks steps by a march where there is one, see `march`."""
         self.model = model
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
@@ -50,6 +53,7 @@ class ForceGather:
             self.tables = tables_of(model)
         self.damped = any(r.tau > 0.0 for r in rows) or any(table.damped for table in self.tables)
         self.added = bool(self.springs) and not (model.device.is_cuda or model.gradients)
+        self.force: wp.array | None = None            # at the corners of elements
         self.lengths: wp.array | None = None          # rest lengths of the entries before muscles shorten them
         alone = alone and not any(r.body and getattr(r.body.source, "actuation", None) for r in rows) and not model.scene.loads
         self.only = not (self.damped or model.scene.softs) and len(self.springs) == len(rows)
@@ -71,9 +75,38 @@ class ForceGather:
         self.p = wp.zeros(model.points, dtype=types(model.real).vec3, device=model.device) if model.gradients else None
         self.by_corners: wp.array | None = None       # gradients by their positions, where p is all that is to be known
         self.rates: wp.array | None = None            # and by their velocities
+        self.sheets: Any = None
+        if packed and not self.unpacked():
+            from wsim.physics.motion.sheets import Sheets
+            self.sheets = Sheets(model, flat, self.damped, cores() if alone else 1)
+            self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
+            self.blocks = self.sheets.blocks
+            return
         for e in self.elements:
             e.make(self.damped)                  # before the module is compiled
         self.corners()
+
+    def unpacked(self) -> str:
+        """What keeps elements from being taken in packets, or ""."""
+        kinds = sorted({e.kind for e in self.elements if isinstance(e, Elements)} - PACKED)
+        why = {"gradients": self.model.gradients, "a GPU": self.model.device.is_cuda, "no elements": not self.elements,
+               "springs beside them": bool(self.springs), "tets": bool(self.tables), ", ".join(kinds): bool(kinds)}
+        return ", ".join(what for what, there in why.items() if there)
+
+    def form(self) -> str:
+        """How a CPU takes elements, in words of the plan."""
+        if self.model.device.is_cuda or self.model.gradients or not self.elements:
+            return ""
+        return " in packets" if self.sheets else f", no packets: {self.unpacked() or 'stages, muscles or loads'}"
+
+    def march(self, module, bounded: bool):
+        """Kernel that takes whole frames or substeps, of springs or sheets alone; bounded: frames are watched. None where
+        forces are launched by themselves."""
+        if self.sheets:
+            return self.sheets.march(module, bounded)
+        if self.added and not self.elements:
+            return march_cpu.march(self.model.real, module, self.damped, bounded)
+        return None
 
     def place(self, ids: np.ndarray) -> None:
         """Entries: which spring stands where."""
@@ -116,7 +149,7 @@ class ForceGather:
             setattr(self.table, name, model.upload(getattr(found, name).astype(np.int32), int))
         self.table.ends = model.upload(found.words(), wp.uint64)
         self.blocks = len(found.cost)
-        self.abreast = Abreast(model, found, cores() if self.whole else 1)
+        self.abreast = Abreast(model, shares(found, cores() if self.whole else 1))
         self.table.row = lots.row(len(found.order))
         self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
 
@@ -195,12 +228,13 @@ class ForceGather:
         self.lengths = lengths
         self.values(again=True)
 
-    def refresh(self) -> None:
-        """Uploads rest values, stiffness and damping anew."""
+    def refresh(self) -> bool:
+        """Uploads rest values, stiffness and damping anew; True if launches have other arguments from now on."""
         if self.springs:
             self.values(again=True)
         for e in self.elements:
             e.refresh()
+        return self.sheets.refresh() if self.sheets else False
 
     @property
     def count(self) -> int:
@@ -209,6 +243,8 @@ class ForceGather:
 
     @property
     def launches(self) -> int:
+        if self.sheets:
+            return 0
         return len(self.elements) + self.added + 2 * any(getattr(e, "curvature", None) is not None for e in self.elements)
 
     @property

@@ -42,7 +42,7 @@ class OneLaunch:
 
     def send(self, clock: Clock) -> None:
         """Sends what the others will run, before a frame."""
-        if not self.pull.added:
+        if not self.method.marches:
             return
         self.pull.abreast.send(self.key(clock), lambda team: self.walk(clock, team))
 

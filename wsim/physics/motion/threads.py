@@ -79,12 +79,17 @@ def orders(rows: list, bodies: list) -> np.ndarray:
     return np.concatenate([b.first + own[b.path] for b in bodies])
 
 
+def shares(packets: Packets, most: int) -> np.ndarray:
+    """Parts of a net; most: threads at most."""
+    return parts(packets.reaches(), packets.cost, min(most, wanted(packets.springs)))
+
+
 class Abreast:
     """The threads of one march, and what they say to each other."""
 
-    def __init__(self, model, packets: Packets, most: int):
-        """most: threads at most."""
-        part, self.nap = parts(packets.reaches(), packets.cost, min(most, wanted(packets.springs))), _nap()
+    def __init__(self, model, part: np.ndarray):
+        """part: of each thread, as `parts` has it."""
+        self.nap = _nap()
         self.model, self.count = model, len(part) if self.nap else 1
         self.call = 0                            # of the last leader: number of its arguments
         self.key: tuple[float, ...] = ()         # and what they were made of

@@ -6,7 +6,6 @@ in a step (`wsim.physics.solver.coarse_space`).
 """
 
 from dataclasses import fields
-from math import inf
 
 import numpy as np
 import warp as wp
@@ -20,9 +19,10 @@ from wsim.scene import Cloth
 
 # (points of a body from which on, least kappa). CPU, a shirt of 6436 points, a solve to 1e-2 with its matrices, beside block
 # Jacobi: kappa 10: 21 iterations for 71, 135 ms for 84; 41: 50 for 221, 224 for 330; 163: 106 for 494, 433 for 800
-# H200, the same: an iteration 60 us, as one of block Jacobi, 3 to 7 times fewer to 1e-6; but 16 ms for the matrices, so that
-# a frame of 8 substeps takes 320 ms for 119: it never pays there
-PAYS = {"cuda": (0, inf), "cpu": (2000, 30.0)}
+# H100, the same: an iteration 60 us, as one of block Jacobi, and 1.2 ms for the matrices; kappa 41: 18 iterations for 38, 2.3
+# ms for 2.5 with the matrices, to 1e-6 123 for 569 and 8.6 ms for 36. Bodies of 2000 points and less are iterated by a cluster
+# of blocks (kernels/fused/conjugate.py), 2.5 us an iteration
+PAYS = {"cuda": (3000, 50.0), "cpu": (2000, 30.0)}
 VECTORS = {"pair": wp.vec2i, "entry": wp.vec2i, "block": wp.vec3i, "about": wp.vec2i, "node": wp.vec4i, "above": wp.vec3i,
            "run": wp.vec3i, "joined": wp.vec3i}
 
@@ -34,8 +34,6 @@ def wanted(model: Model, h: float) -> tuple[bool, str]:
     if not found[1]:
         return False, ""
     pays = found[1] >= least[0] and found[0] >= least[1]
-    if least[1] == inf:
-        return False, ""
     words = f"a wave passes {found[0]:.3g} points a step"
     if pays:
         return True, f"; additive Schwarz with affine coarse spaces, since {words}"

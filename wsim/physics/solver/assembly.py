@@ -80,7 +80,9 @@ class Assembly:
                                     self.bending.spans if self.bending else None, schwarz)
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
-        self.assemble = newton.assemble(model.real, model.module, self.springs, self.elements)
+        self.apart = self.elements and model.device.is_cuda
+        self.gather = newton.gather(model.real, model.module) if self.apart else None
+        self.assemble = newton.assemble(model.real, model.module, self.springs, self.elements, self.apart)
         self.stressed = {s.name: s.kernels() for s in self.solids}
 
     def of(self, gather: str) -> list[Table]:
@@ -118,6 +120,8 @@ class Assembly:
         for table in self.solids:
             launch(self.stressed[table.name][0], table.size, [table.data, s.x, s.d, a, table.q, rate], [table.q, self.element])
         springs = self.of(SPRINGS)[0].data if self.springs else hessian.batch_of(DISTANCE, self.model.real)()
+        if self.apart:
+            launch(self.gather, newton.LANES * self.model.points, [self.rows, self.element], [self.A])
         launch(self.assemble, self.model.points, [self.rows, springs, self.element, self.points.at(d=s.d, a=a), self.b, rate],
                [self.f, self.A])
 
@@ -141,7 +145,7 @@ class Assembly:
     @property
     def launches(self) -> int:
         """Launches of an assembly and a line search, of what stands in tables."""
-        return 2 * len(self.tables) + 3 * len(self.solids) + 6 * bool(self.bending) + len(self.of(CORNERS))
+        return self.apart + 2 * len(self.tables) + 3 * len(self.solids) + 6 * bool(self.bending) + len(self.of(CORNERS))
 
     @property
     def bytes(self) -> int:

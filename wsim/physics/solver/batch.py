@@ -7,7 +7,6 @@ import warp as wp
 
 from wsim.geometry.sheet_ordering import lowest
 from wsim.geometry.topology import order_of
-from wsim.kernels.math.block import BLOCK
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import xpbd as kernels
 from wsim.model.model import Model
@@ -18,8 +17,8 @@ from wsim.physics.cloth.kind import SHEET
 from wsim.physics.cloth.table import Table
 
 FUSE = 512            # constraints of a world's largest colour up to which one block takes all its colours in a launch. H200:
-                      # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3
-THREADS, WORLDS = 128, 64     # of a block, where so many worlds or more have one each
+                      # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3. H100, 4096
+                      # worlds of 1k points, a frame of one: 2.9 us by blocks of 512 threads, 3.1 of 256, 4.6 of 128
 
 
 class Batch(Table):
@@ -38,7 +37,6 @@ class Batch(Table):
         self.worlds = 1 if model.gradients else model.worlds          # blocks of a sweep; with adjoints there is one
         largest = int(np.diff(self.starts).max()) // self.worlds
         self.fused = FUSE > 0 and not model.fuser and (not model.device.is_cuda or largest <= FUSE)
-        self.threads = THREADS if self.worlds >= WORLDS else BLOCK
         self.remade = False
         self.adjoint: Any = None
         _, self.kernel = self.make()
@@ -93,9 +91,7 @@ class Batch(Table):
                 "exact": model.gradients}
         if not self.fused:
             return kernels.projection(self.row.equation, module=model.module, **kind)
-        apart = model.device.is_cuda and self.threads != BLOCK
-        module = model.module_of(self.threads) if apart else model.sweep_module
-        return kernels.sweep(self.row.equation, module=module, threads=self.threads, **kind)
+        return kernels.sweep(self.row.equation, module=model.sweep_module, **kind)
 
     def omega(self, clock: Clock) -> float:
         """Over-relaxation of this iteration."""

@@ -159,7 +159,7 @@ class Xpbd(Method):
         at = filled(states(self.model.real), x=s.x, d=s.d, a=a)
         if batch.fused:
             self.model.sweep(batch.kernel, [batch.data, at, batch.colours, 1.0 / clock.g, omega, batch.lam],
-                             [s.d, batch.lam], batch.worlds, batch.threads)
+                             [s.d, batch.lam], batch.worlds)
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),

@@ -18,6 +18,7 @@ import warp as wp
 
 from wsim.model.model import Body, edge_lengths
 from wsim.scene import Pin
+from wsim.scene.curve import Curve
 from wsim.simulation.duration import missed
 from wsim.simulation.plan import Plan
 
@@ -122,7 +123,8 @@ def balance(sim) -> Balance | None:
 def closed(sim) -> bool:
     """True if energy stays: no contacts, damping, drag, limits, pressure or loads, and pins that hold points where they are."""
     scene = sim.scene
-    lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying), bool(scene.loads)]
+    lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying or scene.loads)]
+    lossy += [isinstance(value, Curve) for _, _, value, _ in sim.changes]
     lossy += [c.material.damping or c.drag or c.lift or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
     lossy += [s.damping or s.actuation for s in scene.springs] + [s.pressure for s in scene.softs]
     lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]

@@ -2,7 +2,7 @@
 
     TARGET=lin(LOW,HIGH,N)     N values evenly spaced, both ends included
     TARGET=log(LOW,HIGH,N)     the same of their logarithms
-    TARGET=list(A,B,C)         numbers, vectors as "0 -9.81 0", or names
+    TARGET=list(A,B,C)         numbers, vectors as "0 -9.81 0", names, or files of curves: gust.csv (`wsim.sweep.vary.curves`)
     TARGET=FILE.csv            a row a value; three columns are a vector
     FILE.csv                   listed draws of several targets together: its first row names them
 
@@ -51,8 +51,8 @@ class Span:
     def values(self) -> list[tuple]:
         """Values of a grid, both ends as they were given."""
         assert self.count is not None
-        found = self.at(np.linspace(0.0, 1.0, self.count))
-        return [(self.low,), *found[1:-1], (self.high,)] if self.count > 1 else [(self.low,)]
+        spaced = np.linspace if self.kind == "lin" else np.geomspace
+        return [(float(v),) for v in spaced(self.low, self.high, self.count)]
 
 
 @dataclass(frozen=True)
@@ -150,16 +150,23 @@ def _rows(path: str) -> list[list[str]]:
         raise SceneError(Problem(path, f"cannot be read: {said}")) from None
 
 
-def column(target: str, path: str) -> Listed:
-    """Draws of one target: a row a value; a first row that holds no numbers, where others do, is a heading."""
-    rows = _rows(path)
-    found = [tuple(value(cell) for cell in row) for row in rows]
+def table_of(path: str) -> list[tuple]:
+    """Rows of a file as values; a first row that holds no numbers, where others do, is a heading and left out."""
+    found = [tuple(value(cell) for cell in row) for row in _rows(path)]
     if len(found) > 1 and _words(found[0]) and not any(_words(row) for row in found[1:]):
         found = found[1:]
+    if not found:
+        raise SceneError(Problem(path, "holds no row"))
+    return found
+
+
+def column(target: str, path: str) -> Listed:
+    """Draws of one target: a row a value."""
+    found = table_of(path)
     wrong = next((k for k, row in enumerate(found) if len(row) not in (1, 3)), None)
-    if not found or wrong is not None:
-        said = "holds no row" if not found else f"row {wrong + 1} has {len(found[wrong])} columns"     # type: ignore[operator,index]
-        raise SceneError(Problem(path, f"{said}; draws of {target} have one column, or three of a vector"))
+    if wrong is not None:
+        raise SceneError(Problem(path, f"row {wrong + 1} has {len(found[wrong])} columns; draws of {target} have one, or "
+                                 "three of a vector"))
     return Listed((target,), tuple((row[0],) if len(row) == 1 else (row,) for row in found))
 
 

@@ -3,6 +3,7 @@
     /World/Cloth:stretch      a value of the table of values (`wsim.scene.values.table`), of one object
     stretch                   of every object that has it; gravity, wind ... of the whole scene
     gravity_y, /World/Load:force_x     one number of a vector
+    /World/Pin:motion         the way of a pin or a collider, by files of curves; a file of a live value is its curve over time
     /World/Cloth:fabric       a variant set of a prim
     start                     results whose last frame is the state to start from
     file                      files of scenes, in the place of the scene
@@ -11,16 +12,19 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from wsim.fitting import parameter
 from wsim.fitting.least_squares.bounds import LOG
-from wsim.scene import Load, Problem, Scene, SceneError
+from wsim.scene import Load, Pin, Problem, Scene, SceneError, Varying
 from wsim.scene.check.varying import idle
 from wsim.scene.methods import named, things
 from wsim.scene.values import table
 from wsim.scene.values.value import Value, holder
+from wsim.sweep.vary import curves
 
 AXES = "xyz"
-FORMS = ("number", "factor", "vector", "curve")
+FORMS = ("number", "factor", "vector", "curve", "motion")
 START, FILE = "start", "file"
 
 
@@ -52,6 +56,9 @@ class Target:
     def written(self, scene: Scene, value) -> Scene:
         """The scene with that value; the given one stays as it is. Raises SceneError for what it cannot have."""
         for row, thing in self.rows(scene):
+            if row.form == "motion" or curves.named(value):
+                scene = self._over_time(scene, row, thing, value)
+                continue
             given = self._judged(row, getattr(thing, "path", "/"), value)
             if isinstance(thing, Scene):
                 own: Any = given if self.axis is None else _with(getattr(thing, self.what), self.axis, given)
@@ -65,6 +72,30 @@ class Target:
                 raise SceneError(Problem(thing.path, f"{self.what} cannot be {value}: {error}")) from None
             scene = scene.exchanged(thing, new)
         return scene
+
+    def bare(self, scene: Scene) -> Scene:
+        """The scene without what it says of the value over time, which a draw stands for."""
+        own = {(getattr(thing, "path", "/"), row.name) for row, thing in self.rows(scene)}
+        left = [v for v in scene.varying if (v.path, v.name) not in own]
+        return scene if len(left) == len(scene.varying) else replace(scene, varying=left)
+
+    def _over_time(self, scene: Scene, row: Value, thing, value) -> Scene:
+        """The scene with the curve of a file. Raises SceneError for what takes none."""
+        path = getattr(thing, "path", "/")
+        if not curves.named(value):
+            raise SceneError(Problem(path, f"{self.what} is {value!r:.60}; allowed are files of curves, list(a{curves.END},"
+                                     f"b{curves.END})"))
+        if row.form == "motion":
+            if getattr(thing, "follows", None) is not None:
+                raise SceneError(Problem(path, "follows a mesh that joints move; its motion is not varied"))
+            return scene.exchanged(thing, replace(thing, motion=curves.motion(value, thing.motion.at(0.0))))
+        if isinstance(thing, Load) and self.axis is None:
+            return scene.exchanged(thing, replace(thing, curve=curves.curve(value, row.name, True)))
+        if not row.varies or self.axis is not None:
+            whole = f"; vary {self.what}, of three numbers" if row.varies else ""
+            raise SceneError(Problem(path, f"{self.name} takes no curve{whole}"))
+        return replace(scene, varying=[*scene.varying, Varying(path, row.name, curves.curve(value, row.name,
+                                                                                             row.form == "vector"))])
 
     def _judged(self, row: Value, path: str, value):
         """A number, or a vector where all of one is given."""
@@ -86,12 +117,31 @@ class Target:
         """(path, name, value) of `Simulation.set` that make one world of `base` as `scene` is; None where a scene must be built
         with it."""
         rows = self.rows(base)
+        if curve := self._live_curves(scene, rows, base):
+            return curve[0]
         if any(not row.live or (not isinstance(thing, Scene) and idle(row, thing, base)) for row, thing in rows):
             return None
         if any(isinstance(thing, Scene) and row.needs and idle(row, thing, base) for row, thing in rows):
             return None
         found = parameter.Parameter(self.name, self.what, "" if self.whole(base) else self.path, "", LOG, self.axis).live(scene)
         return found or None
+
+
+    def _live_curves(self, scene: Scene, rows: list, base: Scene) -> list[list | None]:
+        """[what `live` returns] of a value over time; [] of others."""
+        if any(isinstance(thing, Load) and named(scene, thing.path).curve.moves for _, thing in rows):
+            return [None]
+        given = {v.path: v.curve for v in scene.varying if v.name == self.what}
+        own = [(getattr(thing, "path", "/"), row, thing) for row, thing in rows]
+        if any(row.form == "motion" for _, row, _ in own):
+            now = {path: named(scene, path).motion for path, _, _ in own}
+            same = all(np.array_equal(now[path].at(0.0), thing.motion.at(0.0)) for path, _, thing in own)
+            pins = all(isinstance(thing, Pin) for _, _, thing in own)          # of colliders: worlds share them
+            return [[(path, self.what, motion) for path, motion in now.items()] if pins and same else None]
+        if not any(path in given for path, _, _ in own):
+            return []
+        return [[(path, self.what, given[path]) for path, _, _ in own] if not any(idle(row, t, base) for _, row, t in own)
+                else None]
 
 
 def _held(row: Value, thing) -> bool:
