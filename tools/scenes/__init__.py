@@ -18,6 +18,7 @@ from tools.scenes.rods import ROD_SCENES
 from tools.scenes.skeleton import SKELETON_SCENES
 from tools.scenes.soft import SOFT_SCENES
 from tools.scenes.touching import TOUCHING_SCENES
+from tools.scenes.worn import WORN_SCENES
 from tools.usda import block, ground, listed, moved, number, pin, scene, settings, solid
 from wsim.scene import shapes
 
@@ -138,4 +139,4 @@ def shirt() -> str:
 
 SCENES = {"hanging_cloth": hanging_cloth, "flag": flag, "cape": cape, "tablecloth": tablecloth, "shirt": shirt,
           **SOFT_SCENES, **RIGID_SCENES, **BODY_SCENES, **FLUID_SCENES, **ANIMATION_SCENES, **SKELETON_SCENES, **ROD_SCENES,
-          **TOUCHING_SCENES}
+          **TOUCHING_SCENES, **WORN_SCENES}

@@ -4,7 +4,7 @@ import numpy as np
 
 from tools.scenes.cloth import cloth, material
 from tools.scenes.soft import eased, samples
-from tools.usda import block, ground, moved, pin, scene, settings
+from tools.usda import block, ground, listed, moved, pin, scene, settings, solid
 from wsim.scene import shapes
 
 TOUCHING = "Sweeps, by name: contacts of surfaces are rows among the others there, and the step is short for what meets."
@@ -44,4 +44,38 @@ def twisted_cloth() -> str:
     ], frames=frames)
 
 
-TOUCHING_SCENES = {"ribbon": ribbon, "twisted_cloth": twisted_cloth}
+def mesh(points, counts, indices) -> str:
+    """Lines of a Mesh."""
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    return "\n".join([f"float3[] extent = {listed(np.array([low, high]))}", f"point3f[] points = {listed(points)}",
+                      f"int[] faceVertexCounts = {listed(counts)}", f"int[] faceVertexIndices = {listed(indices)}",
+                      'uniform token subdivisionScheme = "none"'])
+
+
+def rollers() -> str:
+    radius, gap, level, frames, speed = 0.05, 0.9e-3, 0.25, 72, 0.3             # [m], [m/s]
+    points, counts, indices = shapes.cylinder(radius, 0.16, 48)
+    points = np.asarray(points)[:, [2, 0, 1]]                                  # its axis is x
+    surface = shapes.sheet(0.24, 0.72, 10, 30, horizontal=True, at=(0.0, level, -0.335))
+
+    def roller(name: str, sign: float, color) -> str:
+        keys = [(f, (-sign * np.rad2deg(speed / radius * f / 24.0), 0.0, 0.0)) for f in range(0, frames + 1, 2)]
+        body = mesh(points, counts, indices) + "\n" + samples("float3", "xformOp:rotateXYZ", keys)
+        return solid("Mesh", name, body + "\n" + moved(0, level + sign * (radius + 0.5 * gap), 0, "xformOp:rotateXYZ"), color,
+                     "A prism of 48 sides, which turns: 30 cm/s where it meets the cloth. Its edges and corners meet the "
+                     "triangles of the cloth, too.", ', "PhysicsMeshCollisionAPI"')
+    table = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\n"
+             "float3 xformOp:scale = (0.3, 0.02, 0.68)\n" + moved(0, level - 0.0115, -0.40, "xformOp:scale"))
+    return scene("Two rollers that turn pull a cloth from a table through their gap, by friction.", [
+        settings(solver="xpbd", substeps=24, iterations=6, air_drag=0.3, comment=TOUCHING),
+        material("denim", damping=1e-4),
+        cloth("Cloth", surface, "denim", (0.2, 0.32, 0.52), "24 x 72 cm and 1 mm thick; the gap is 0.9 mm. wsim:selfCollision: "
+              "no substep ends with triangles that intersect, those of the rollers and of the table among them.",
+              self_collision=True),
+        roller("Upper", 1.0, (0.62, 0.52, 0.43)), roller("Lower", -1.0, (0.5, 0.36, 0.24)),
+        solid("Cube", "Table", table, (0.55, 0.56, 0.6), "A Cube of size 1, scaled."),
+        ground(),
+    ], frames=frames)
+
+
+TOUCHING_SCENES = {"ribbon": ribbon, "twisted_cloth": twisted_cloth, "rollers": rollers}

@@ -78,7 +78,7 @@ class Cloth(Compared):
     lift           aerodynamic lift coefficient [1], across the relative wind
     stretches      stiffness of each polygon, (faces,) [N/m], shear and weft in its ratio; None: the material's
     bends          of each polygon, (faces,) [N m]; None: the material's bend
-    self_collision    True: it passes neither through itself nor through other surfaces that say so
+    self_collision    True: it passes neither through itself, nor other surfaces that say so, nor mesh colliders and boxes
     """
 
     path: str
@@ -195,7 +195,7 @@ class Soft(Compared):
     pressure       inside above that outside [Pa]: in its hollows, or where it has none on its surface
     quadratic      ten-node tets: accurate from 2 cells across, where four nodes need 4 and more
     skins          meshes that follow it, list of `Skin`
-    self_collision    True: its surface passes neither through itself nor through other surfaces that say so
+    self_collision    True: its surface passes neither through itself, nor others that say so, nor mesh colliders and boxes
     """
 
     path: str

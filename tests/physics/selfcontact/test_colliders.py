@@ -40,7 +40,7 @@ def crossed(sim) -> int:
     """Pairs of triangles of cloths and of colliders, or of cloths, that intersect at the end of the last frame."""
     points, triangles = surfaces(sim)
     points, own, time = points.astype(np.float64), len(triangles), sim.frame * sim.plan.clock.dt
-    for c in sim.scene.colliders:
+    for c in (c for c in sim.scene.colliders if isinstance(c.shape, Box | Surface)):
         shape = cube(1.0) if isinstance(c.shape, Box) else c.shape
         p = shape.points if shape.poses is None else shape.poses.at(time)
         p = np.asarray(p, np.float32) * (c.shape.half if isinstance(c.shape, Box) else 1.0)

@@ -81,16 +81,17 @@ class Rows:
                     [s[0] for s in shapes], np.array([s[1] for s in shapes]).reshape(-1, 3),
                     np.array([s[2] for s in shapes], np.float64))
 
-    def live(self, breadth: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def live(self, breadth: np.ndarray, reach: np.ndarray, whole: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Distance kept [m], (rows,), and friction, (rows, 2), which may change while a scene runs. breadth and reach [m] of
-        objects, (objects,): what `wsim.scene.check.chord` takes where no thickness is authored."""
+        objects, (objects,): what `wsim.scene.check.chord` takes where no thickness is authored. whole: objects of which no
+        chord cuts into a mesh, (objects,)."""
         radius = [chord.radius(c) if c.thickness is None else inf for c in self.colliders]
         least = [0.0 if m is None else m.least_gap for m in self.meshes]
         objects = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
         gap = []
         for o, k in zip(objects, self.collider, strict=True):
-            own = self.colliders[k].thickness
-            gap.append(max(least[k], chord.hidden(breadth[o], radius[k]) - reach[o] if own is None else own))
+            own, met = self.colliders[k].thickness, whole is not None and whole[o] and self.meshes[k] is not None
+            gap.append(max(least[k], (0.0 if met else chord.hidden(breadth[o], radius[k]) - reach[o]) if own is None else own))
         friction = np.array([(c.static_friction, c.dynamic_friction) for c in self.colliders]).reshape(-1, 2)
         return np.array(gap, np.float64), friction[self.collider]
 

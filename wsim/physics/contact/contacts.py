@@ -55,6 +55,7 @@ class Bodies:
     faces: np.ndarray                    # points of triangles, of springs (i, j, j), (t, 3): what `indicators` measures
     breadth: np.ndarray                  # of each object's faces [m], (objects,), see `wsim.scene.check.chord`
     thin: np.ndarray                     # least `reach` of each object's points [m], (objects,)
+    whole: np.ndarray | None = None      # whether all of its triangles meet meshes (`wsim.physics.selfcontact`), (objects,)
 
 
 class Contacts:
@@ -73,12 +74,11 @@ class Contacts:
         self.meshes = {key: Mesh.build(c, turned) for key, c in surfaces.items()}
         self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
         self.kinds = _kinds(self.rows.kind)
-        self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin)
+        self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin, bodies.whole)
         self.wanted = wp.zeros(1, dtype=int, device=self.device)
-        self.struck = struck
         self.substeps, self.dt = 0, dt
         self.time: float | None = None
-        self.changed = True
+        self.struck, self.changed = struck, True
         self.table = kernels.tables(real)[0]()
         self.tree: Any = None                            # `wsim.physics.contact.broad.Tree`
         if self.rows.balls >= MANY:

@@ -58,12 +58,12 @@ class Contact(Method):
             own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
         each = [faces(b) for b in model.bodies]
         of = [[*colliders, *movers.colliders(b.world)] for b in model.bodies] if movers else [colliders] * len(model.bodies)
-        bodies = Bodies(of, np.stack([b.origin for b in model.bodies]), own,
-                        points.constants.w, model.stack("reach"),
+        bodies = Bodies(of, np.stack([b.origin for b in model.bodies]), own, points.constants.w, model.stack("reach"),
                         np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
                         model.shared(np.concatenate(each)),
                         np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
-                        np.array([b.reach.min() for b in model.bodies]))
+                        np.array([b.reach.min() for b in model.bodies]),
+                        np.array([getattr(b.source, "self_collision", False) for b in model.bodies]))
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
