@@ -131,34 +131,59 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
 
 
 @wp.func
-def eliminate(T: Trial, w: Window, i: int, k: int):
-    """The window moved on by a point, whose factors are stored."""
-    L1 = wp.mat44d()
-    L2 = wp.mat44d()
-    y = wp.vec4d()
-    if i >= 0:
-        D = wp.inverse(w.D0)
-        L1 = D * w.P
-        L2 = D * w.F
-        y = D * w.r0
-        T.near[i, k] = L1
-        T.far[i, k] = L2
-        T.z[i, k] = y
-    Pt = wp.transpose(w.P)
-    Ft = wp.transpose(w.F)
-    new = Window()
-    new.D0 = w.D1 - Pt * L1
-    new.P = w.N - Pt * L2
-    new.D1 = w.D2 - Ft * L2
-    new.r0 = w.r1 - Pt * y
-    new.r1 = w.r2 - Ft * y
-    return new
+def even(D: wp.mat44d):
+    """The symmetric part of a block. Rounding makes others of blocks, which grow from point to point: of strands of 200 points
+    nothing was left of the forces' digits."""
+    return (D + wp.transpose(D)) * wp.float64(0.5)
 
 
 @cache
-def forward(kinds: tuple[str, ...]):
-    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders."""
+def eliminating(pressed: bool):
+    """Function (T, w, i, k): the window moved on by a point, whose factors are stored."""
+    @wp.func
+    def eliminate(T: Trial, w: Window, i: int, k: int):
+        L1 = wp.mat44d()
+        L2 = wp.mat44d()
+        y = wp.vec4d()
+        if i >= 0:
+            D = even(wp.inverse(even(w.D0)))
+            L1 = D * w.P
+            L2 = D * w.F
+            y = D * w.r0
+            T.near[i, k] = L1
+            T.far[i, k] = L2
+            T.z[i, k] = y
+            if wp.static(pressed):
+                T.pivot[i, k] = D
+                T.b[i, k] = w.r0
+        Pt = wp.transpose(w.P)
+        Ft = wp.transpose(w.F)
+        new = Window()
+        new.D0 = w.D1 - Pt * L1
+        new.P = w.N - Pt * L2
+        new.D1 = w.D2 - Ft * L2
+        new.r0 = w.r1 - Pt * y
+        new.r1 = w.r2 - Ft * y
+        return new
+
+    return eliminate
+
+
+@cache
+def forward(kinds: tuple[str, ...], pressed: bool = False):
+    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. pressed:
+    other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are left for more right-hand sides."""
     meets, touch = bool(kinds), touching(kinds).touch if kinds else None
+    eliminate = eliminating(pressed)
+
+    @wp.func
+    def add(D: wp.mat44d, K: wp.mat33d):
+        """A block with a stiffness of a point added."""
+        m = int(3)
+        for a in range(m):
+            for b in range(m):
+                D[a, b] = D[a, b] + K[a, b]
+        return D
 
     @wp.func
     def point(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, i: int, k: int):
@@ -168,10 +193,11 @@ def forward(kinds: tuple[str, ...]):
                 if S.hold[i, k] < 0:
                     t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
                     r = r + split(t.f, wp.float64(0.0))
-                    m = int(3)
-                    for a in range(m):
-                        for b in range(m):
-                            D[a, b] = D[a, b] + t.K[a, b]
+                    D = add(D, t.K)
+        if wp.static(pressed):
+            if i < S.points[k]:
+                r = r + split(T.press[i, k], wp.float64(0.0))
+                D = add(D, T.stiff[i, k])
         return D, r
 
     @wp.func
@@ -188,6 +214,8 @@ def forward(kinds: tuple[str, ...]):
             w.r2 = r
             if i >= 0 and i + 1 < n:
                 w = stretch(S, w, t0, l0, i, k)
+                if wp.static(pressed):
+                    w.P = add(w.P, T.along[i, k])
             if i >= 0 and i + 2 < n:
                 e = T.x[j, k] - T.x[i + 1, k]
                 l1 = wp.length(e)

@@ -61,6 +61,11 @@ class Trial:
     near: wp.array2d(dtype=wp.mat44d)               # factor towards the next point
     far: wp.array2d(dtype=wp.mat44d)                # towards the one behind it
     z: wp.array2d(dtype=wp.vec4d)                   # right-hand side, then correction
+    pivot: wp.array2d(dtype=wp.mat44d)              # inverse of the diagonal's; this and below only where strands meet strands
+    b: wp.array2d(dtype=wp.vec4d)                   # right-hand side
+    press: wp.array2d(dtype=wp.vec3d)               # force of other edges on a point [N]
+    stiff: wp.array2d(dtype=wp.mat33d)              # its stiffness [N/m]
+    along: wp.array2d(dtype=wp.mat33d)              # and that towards the next point
 
 
 @wp.struct

@@ -29,3 +29,20 @@ def test_a_strand_goes_where_it_does_on_a_cpu(shape):
     assert np.abs(one[0] - other[0]).max() < 1e-5                              # iterations end at 1e-6 of an edge
     assert np.abs(one[1] - other[1]).max() < 1e-2
     assert all(np.array_equal(a, b) for a, b in zip(one, fallen("cuda:0", shape), strict=True))
+
+
+def test_ropes_that_are_thrown_at_each_other_go_as_on_a_cpu():
+    """Held by their ends, at 10 m/s; the same bits from run to run, and never passed."""
+    from tests.physics.rods.test_touch import linked, thrown
+
+    def places(device: str) -> list[np.ndarray]:
+        simulation = Simulation(thrown(1)[0], device=device)
+        found = []
+        for _ in range(6):
+            simulation.step()
+            found.append(simulation.plan.method("rods").points(0)[0])
+        return found
+    one, again, other = places("cuda:0"), places("cuda:0"), places("cpu")
+    assert all(np.array_equal(a, b) for a, b in zip(one, again, strict=True))
+    assert max(np.abs(a - b).max() for a, b in zip(one, other, strict=True)) < 1e-4
+    assert all(abs(linked(x)) < 1e-6 for x in one)

@@ -10,6 +10,9 @@ SLOW = {
     "fitting/test_numbers_and_fields.py": [
         "test_a_number_and_a_field_are_found_together", "test_a_field_and_a_density_are_found_by_sweeps",
         "test_a_stiffness_field_is_found_from_scans_without_correspondence"],
+    "fitting/test_shared.py": [
+        "test_copies_that_take_turns_give_the_same_fit_to_the_bit[explicit]",
+        "test_copies_that_take_turns_give_the_same_fit_to_the_bit[implicit]"],
     "gpu/test_capture.py": [
         "test_a_frame_takes_no_memory[implicit-backward_euler]", "test_a_frame_takes_no_memory[implicit-bdf2]",
         "test_a_frame_takes_no_memory[xpbd-bdf2]", "test_a_frame_takes_no_memory[xpbd-backward_euler]"],
@@ -227,6 +230,9 @@ SLOW = {
         "test_a_cloth_is_thrown_into_the_frame"],
     "simulation/test_skip.py": [
         "test_exactly_the_kernels_of_the_scene_are_compiled[shirt]", "test_a_change_of_the_scene_changes_just_its_kernels"],
+    "sweep/test_curves.py": [
+        "test_a_world_follows_its_curve_as_one_alone_follows_that_of_its_scene[explicit]",
+        "test_a_world_follows_its_curve_as_one_alone_follows_that_of_its_scene[implicit]"],
     "sweep/test_worlds.py": [
         "test_values_of_all_worlds_at_once_are_those_of_one_after_another[explicit]",
         "test_a_world_that_breaks_is_taken_out_and_leaves_the_others_as_they_were[explicit]",

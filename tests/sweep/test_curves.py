@@ -54,6 +54,8 @@ def test_what_no_value_could_be_is_refused_of_a_curve_too():
     with pytest.raises(SceneError, match="stretch is -5"):
         sim.set("/cloth", "stretch", Curve([0.0, 1.0], [-5.0, 100.0]), world=1)
     assert sim.changes == []
+    with pytest.raises(SceneError, match="wind varies in time, and a recording has one value"):
+        Simulation(cloth("xpbd"), device="cpu", gradients=True).set("/", "wind", GUSTS[0])
 
 
 def written(path, header: str, rows) -> str:

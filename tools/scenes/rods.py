@@ -1,7 +1,8 @@
-"""Example scenes of rods: hair on a shaken head."""
+"""Example scenes of rods: hair on a shaken head, a knot that is pulled tight."""
 
 import numpy as np
 
+from tools.scenes.soft import eased, samples
 from tools.usda import block, listed, number, pin, said, scene, settings, solid
 
 STRANDS, POINTS, RADIUS, LENGTH = 140, 18, 0.1, 0.24
@@ -50,4 +51,70 @@ def shaken_head() -> str:
     ], frames=96)
 
 
-ROD_SCENES = {"shaken_head": shaken_head}
+def overhand(edge: float) -> np.ndarray:
+    """An open overhand knot of 24 cm in edges of that length [m], its ends 1.1 m apart along x, (n, 3).
+
+    Shastri's curve (t^3 - 3 t, t^4 - 4 t^2), which crosses itself at t = +-sqrt(3) and at two pairs of +-1.932, -+0.518, over
+    and under in turn; its ends turn into x."""
+    t, at = np.linspace(-2.02, 2.02, 4000), np.array([-2.1, -1.932, -1.732, -0.518, 0.518, 1.732, 1.932, 2.1])
+    high = np.array([0.0, -0.5, 0.5, -0.5, 0.5, -0.5, 0.5, 0.0])
+    k = np.clip(np.searchsorted(at, t) - 1, 0, len(at) - 2)
+    part = 0.5 - 0.5 * np.cos(np.pi * (t - at[k]) / (at[k + 1] - at[k]))
+    body = np.stack([t**3 - 3.0 * t, t**4 - 4.0 * t**2, high[k] + part * (high[k + 1] - high[k])], axis=1)
+    s = np.linspace(0.0, 5.0, 2000)[1:]
+    way = body[-1] - body[-2]
+    angle = np.maximum(np.arctan2(way[1], way[0]) - s, 0.0)
+    tail = np.stack([np.cumsum(np.cos(angle)) * s[0], np.cumsum(np.sin(angle)) * s[0],
+                     body[-1, 2] * (0.5 + 0.5 * np.cos(np.pi * np.minimum(0.5 * s, 1.0)) - 1.0)], axis=1)
+    right = body[-1] + tail
+    curve = 0.05 * np.concatenate([(right * (-1.0, 1.0, -1.0))[::-1], body, right])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+    places = np.linspace(0.0, along[-1], int(along[-1] / edge) + 1)
+    return np.stack([np.interp(places, along, curve[:, c]) for c in range(3)], axis=1)
+
+
+def rope_knot() -> str:
+    thick, frames = 0.012, 96
+    x = overhand(1.02 * thick)
+    n = len(x)
+    x[:, 1] += 0.4 - x[0, 1]
+    straight = np.zeros_like(x)
+    straight[:, 0] = np.arange(n) * np.linalg.norm(x[1] - x[0])
+    curves = "\n".join([
+        'uniform token type = "linear"', f"int[] curveVertexCounts = [{n}]", f"point3f[] points = {listed(x)}",
+        f"normal3f[] normals = {listed(untwisted(x))}", f"point3f[] physics:restShapePoints = {listed(straight)}",
+        f'float[] widths = [{thick}] (interpolation = "constant")', f"float[] physics:thicknesses = [{thick}]    # m",
+        said("Rods", 1.0, self_collision=True), "rel material:binding:physics = </World/cord>",
+        "color3f[] primvars:displayColor = [(0.78, 0.6, 0.32)]"])
+
+    def grip(name: str, end: int, side: float) -> str:
+        keys = [(f, (float(x[end, 0]) + side * 0.42 * eased(f, 6, 78), float(x[end, 1]), 0.0)) for f in range(0, frames + 1, 3)]
+        return block("Xform", name, samples("double3", "xformOp:translate", keys)
+                     + '\nuniform token[] xformOpOrder = ["xformOp:translate"]', comment="A hand that pulls.")
+    material = block("Material", "cord", "\n".join([
+        said("RodMaterial", 1.0, young=1e7, poisson=0.3, bend=5e-4, twist=5e-4),
+        said("Friction", 1.0, density=900.0, static_friction=0.15, dynamic_friction=0.15)]),
+        '["PhysicsMaterialAPI", "PhysicsCurvesDeformableMaterialAPI"]', "Softer in bending than a solid rod is: strands slide.")
+    return scene("An overhand knot in a rope is pulled tight.", [
+        settings(substeps=8), material, grip("Left", 0, -1.0), grip("Right", -1, 1.0),
+        block("BasisCurves", "Rope", curves,
+              '["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "WsimRodsAPI", "MaterialBindingAPI"]',
+              "1.7 m, 12 mm thick, straight at rest. wsim:selfCollision: it does not pass through itself."),
+        pin("LeftEnd", "/World/Rope", [0, 1], "/World/Left", "Its first edge."),
+        pin("RightEnd", "/World/Rope", [n - 2, n - 1], "/World/Right", "Its last edge."),
+    ], frames=frames)
+
+
+def untwisted(x: np.ndarray) -> np.ndarray:
+    """A director of each edge of a curve (n, 3) that goes along without twist; the last point's is that before."""
+    t = np.diff(x, axis=0)
+    t /= np.linalg.norm(t, axis=1)[:, None]
+    found = [np.cross(t[0], (0.0, 0.0, 1.0))]
+    for a, b in zip(t[:-1], t[1:], strict=True):
+        m, k = found[-1], np.cross(a, b)
+        m = m + np.cross(k, m) + np.cross(k, np.cross(k, m)) / (1.0 + a @ b)
+        found.append(m - b * (m @ b))
+    return np.array([*found, found[-1]])
+
+
+ROD_SCENES = {"shaken_head": shaken_head, "rope_knot": rope_knot}

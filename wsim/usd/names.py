@@ -39,6 +39,7 @@ WSIM_SPRINGS, WSIM_COLLIDER, WSIM_SOFT = "WsimSpringsAPI", "WsimColliderAPI", "W
 WSIM_ATTACHMENT, WSIM_LOAD, WSIM_RIGID = "WsimAttachmentAPI", "WsimLoadAPI", "WsimRigidBodyAPI"
 WSIM_DOMAIN, WSIM_SOURCE = table.DOMAIN, table.SOURCE
 WSIM_LIQUID, WSIM_POUR = table.LIQUID, table.POUR
+WSIM_RODS = "WsimRodsAPI"
 WSIM_SKELETON, WSIM_CORRECTIVE = "WsimSkeletonAPI", "WsimCorrectiveAPI"
 
 # Fallbacks of the proposal, in SI units; the schemas are not registered, so USD cannot supply them.
@@ -140,6 +141,7 @@ OTHERS = (
     Entry("Rods", "rest_directors", CURVES_SIM, "physics:restNormals", "normal3f[]"),
     Entry("Rods", "diameters", CURVES_SIM, "physics:thicknesses", "float[]", "m"),
     Entry("Rods", "masses", CURVES_SIM, "physics:masses", "float[]", "kg"),
+    Entry("Rods", "self_collision", WSIM_RODS, "wsim:selfCollision", "bool", uniform=True),
     Entry("RodMaterial", "young", CURVES_MATERIAL, "physics:youngsModulus", "float", "Pa"),
     Entry("RodMaterial", "poisson", CURVES_MATERIAL, "physics:poissonsRatio", "float"),
     Entry("RodMaterial", "stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),

@@ -6,7 +6,7 @@
 Scenes are those of `scenes/`; the sheet is hanging_cloth without damping, shirt_hung the shirt by its collar without its
 dummy, shirt_26k to _410k the shirt with triangles cut in four, once to three times. The reference is a float64 trajectory of
 the same scene by leapfrog at REFINED times the stable substeps, with no mass added to slivers: errors are RMS distances of
-points [m] after the frames, a peak is the largest principal stretch of any triangle less 1, over that of the reference. A time
+points [m] after the frames, a peak is the largest stretch of any edge less 1, over that of the reference. A time
 is the median over frames that are replayed [ms], one device; first_s from the scene to the end of the first frame.
 """
 
@@ -103,7 +103,7 @@ class Run:
 
 
 def peaks(made: Scene, states: dict[int, np.ndarray]) -> dict[int, float]:
-    """The largest principal strain of the first cloth, which comes first among the points; none of soft bodies."""
+    """The largest strain of an edge of the first cloth, which comes first among the points; none of soft bodies."""
     if not made.cloths:
         return {}
     cloth = made.cloths[0]

@@ -5,7 +5,7 @@
 
 X as peers.py says. membrane.py has the problems; every row is held against the float64 trajectory of its own energy, so that a
 material is never called a solver's error. Errors are RMS distances [m] from rest after the problem's frames; `peak` is the
-largest principal strain over the exact one. Both sides replay graphs and wait for each frame; ms is the median of the later
+largest strain of an edge over the exact one. Both sides replay graphs and wait for each frame; ms is the median of the later
 frames. Left out, with why: LEFT_OUT.
 """
 

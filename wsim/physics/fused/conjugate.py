@@ -18,7 +18,7 @@ SHORT = 3              # blocks of a row that a lane takes without much delay
 
 def cluster_of(model: Model, n: int, systems: int, most: int) -> Cluster | None:
     """The cluster for systems of at most n points, of at most `most` blocks each; None where registers do not suffice, the
-    device has no clusters, or not all of them run at once."""
+    device has no clusters, or not all of a world run at once."""
     device = model.device
     if not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE:
         return None

@@ -40,7 +40,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
         yield warning(path, "strands feel neither the wind nor the drag of the air", "neither",
                       "leave them out where they are not meant for others")
     if scene.bodies() or scene.things("Body"):
-        yield warning(path, "strands pass through cloth, soft bodies and rigid bodies, and through each other", "colliders",
+        yield warning(path, "strands pass through cloth, soft bodies and rigid bodies", "colliders",
                       "give what they shall meet as a collider")
 
 

@@ -10,7 +10,7 @@ import warp as wp
 
 from wsim.kernels.rods import tables
 from wsim.kernels.rods.march import TOLERANCE, strands
-from wsim.model.stage import Clock, Method, Stage
+from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -45,7 +45,9 @@ def module(names: tuple[str, ...]) -> str:
 
 
 class Strands(Method):
-    """`table`: strands of all rods and worlds."""
+    """`table`: strands of all rods and worlds. touching: what they touch themselves and each other by, None where none does."""
+
+    threads = THREADS
 
     def __init__(self, b):
         super().__init__("rods")
@@ -56,17 +58,28 @@ class Strands(Method):
         self.substeps = b.clock.substeps * self.shortest
         self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)
         names = self.obstacles.kinds
-        self.kernel = strands(names, module(names))
-        b.model.modules[module(names)] = THREADS
+        touching = any(rods.self_collision for rods in b.scene.things("Rods"))
+        own = module(names) + "_touch" * touching
+        b.model.modules[own] = THREADS
         self._allocate(b)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
-        self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
         self.trial = self._trial()
         self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
+        self.touching = self._touching(own, b.status) if touching else None
+        self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
         points = sum(len(r.points) for r, _ in t.pairs)
+        what = f"{t.strands} strands of {points} points, {self.substeps} substeps of "
+        if self.touching:
+            self.stages.append(Stage("rods", "predict", self.touching.advance, 30 * self.substeps, self.part.bytes, "frame",
+                                     what + "BDF2, or backward Euler where they touch, float64; contact of edges, and a proof"))
+            return
+        self.kernel = strands(names, own)
         self.stages.append(Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame",
-                                 f"{t.strands} strands of {points} points, {self.substeps} substeps of BDF2 in one launch, "
-                                 "float64"))
+                                 what + "BDF2 in one launch, float64"))
+
+    def _touching(self, name: str, status: Status) -> Any:
+        from wsim.physics.rods.touch import Touching
+        return Touching(self, name, status, self.model.device)
 
     def _allocate(self, b) -> None:
         t, device = self.table, self.model.device
@@ -93,6 +106,8 @@ class Strands(Method):
         self.gravity, found = gravity, np.zeros((self.table.strands, 3))
         for own, (_, world) in zip(self.table.own, self.table.pairs, strict=True):
             found[own] = gravity[world]
+        if self.touching:
+            self.touching.weigh(found)
         if self.strands.gravity is not None:
             self.strands.gravity.assign(found)
         else:
@@ -110,6 +125,15 @@ class Strands(Method):
             self.holds.frame.assign(self.table.frames(times[1:]))
         if self.obstacles.colliders:
             self.obstacles.pose(times)
+        if self.touching:
+            self.touching.before_frame()
+
+    def enter(self, clock: Clock) -> None:
+        if self.touching:
+            self.touching.often, self.touching.fresh = False, True
+
+    def retry(self, status: Status) -> list[Remedy]:
+        return self.touching.retry() if self.touching else []
 
     def advance(self, clock: Clock) -> None:
         wp.launch(self.kernel, self.table.strands, [self.strands, self.holds, self.obstacles.table, self.moving(), self.trial,
@@ -123,7 +147,7 @@ class Strands(Method):
             if worst > float(TOLERANCE):
                 found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of "
                               "{worst} of an edge's length in a substep; give more substeps"))
-        return found
+        return found + self.touching.notes() if self.touching else found
 
     # what is told and set
 
@@ -148,6 +172,8 @@ class Strands(Method):
         said = self.said.numpy()[which]
         found = {"rod_strain": float(strain.max(initial=0.0)), "rod_iterations": float(said[:, 0].max(initial=0.0)),
                  "rod_residual": float(said[:, 1].max(initial=0.0))}
+        if self.touching:
+            found |= self.touching.indicators()
         return found | ({"rod_penetration": float(said[:, 2].max(initial=0.0))} if self.obstacles.colliders else {})
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:

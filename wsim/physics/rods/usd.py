@@ -55,6 +55,7 @@ def load_rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
     _material(reading, prim, rods)
     rods.masses = _masses(reading, prim, body, rods)
     rods.static_friction, rods.dynamic_friction = load_friction(reading, prim)
+    rods.self_collision = bool(read(prim, "Rods", "self_collision", units))
     return rods
 
 
@@ -139,6 +140,9 @@ def author(stage: Usd.Stage, rods: Rods, units: Units) -> None:
     for field in ("points", "counts", "velocities", "rest_points", "directors", "rest_directors", "diameters", "masses"):
         if (value := getattr(rods, field)) is not None:
             write(prim, "Rods", field, value, units)
+    if rods.self_collision:
+        prim.AddAppliedSchema(names.WSIM_RODS)
+        write(prim, "Rods", "self_collision", True, units)
     d = np.asarray(rods.diameters, np.float64)
     curves.CreateWidthsAttr((d / units.metres).astype(np.float32).tolist())
     curves.SetWidthsInterpolation(UsdGeom.Tokens.constant if len(d) == 1 else UsdGeom.Tokens.vertex)

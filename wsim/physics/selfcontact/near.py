@@ -43,7 +43,7 @@ class Near:
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
-        self.trees: list[wp.Bvh] = []
+        self.trees: list[wp.Bvh | None] = []             # None over nothing: rods have edges alone
         self.low, self.high = ([zeros(len(each), dtype=wp.vec3f) for each in (surfaces.triangles, surfaces.edges)]
                                for _ in range(2))
         self.spans = self._spans()
@@ -94,7 +94,7 @@ class Near:
         if self.trees:
             self.age += 1
             if self.age % REBUILT == 0:
-                for tree in self.trees:
+                for tree in filter(None, self.trees):
                     tree.rebuild()
                 self._roots()
             return
@@ -105,16 +105,18 @@ class Near:
         s = self.surfaces
         groups = [self.model.upload(s.world[each[:, 0]], int) for each in (s.triangles, s.edges)]
         self.trees = [wp.Bvh(self.low[kind][span], self.high[kind][span], groups=groups[kind][span])
-                      for kind, span in self.spans]
+                      if len(self.low[kind]) else None for kind, span in self.spans]
         self._roots()
 
     def _roots(self) -> None:
         for tree, root in zip(self.trees, self.root, strict=True):
-            self.model.launch(self.roots, len(root), [tree.id], [root])
+            if tree:
+                self.model.launch(self.roots, len(root), [tree.id], [root])
 
     def _boxes(self) -> None:
         for kernel, low, high in zip(self.boxes, self.low, self.high, strict=True):
-            self.model.launch(kernel, len(low), [self.surfaces.data, self.frames], [low, high])
+            if len(low):
+                self.model.launch(kernel, len(low), [self.surfaces.data, self.frames], [low, high])
 
     def allow(self, rounds: int) -> None:
         """Projections that a substep has at most, in frames to come."""
@@ -142,11 +144,12 @@ class Near:
         self._boxes()
         self.pairs.count.zero_()
         widest = s.thickness + s.data.radius
-        for tree in self.trees:
+        for tree in filter(None, self.trees):
             tree.refit()
         for kind, first, n, k in self._searches():
             start = wp.vec2i(first, self.spans[k][1].start)
-            launch(self.reach, n, [s.data, f, kind, start, self.trees[k].id, self.root[k], widest], [self.pairs])
+            if over := self.trees[k]:
+                launch(self.reach, n, [s.data, f, kind, start, over.id, self.root[k], widest], [self.pairs])
         launch(self.listed, 1, [self.pairs.count], [self.words])
 
     def look(self, at, stop: int = 0) -> None:

@@ -10,7 +10,7 @@ from wsim.kernels.solver import line_search
 from wsim.physics.cloth.kind import SHEET
 from wsim.physics.solver.assembly import Assembly, Term
 
-MANY = 4096            # lanes of all bodies, up to which each has one thing to look at
+MANY = 4096            # lanes of all bodies of a world, up to which each has one thing to look at
 
 
 class LineSearch:
@@ -23,7 +23,7 @@ class LineSearch:
         kinds = {kind: table.first() for kind, table in assembly.tables.items()}
         most = max([int(np.diff(model.starts).max())] + [most for _, most in kinds.values()]
                    + [s.most for s in assembly.solids])
-        few = max(32, min(most, MANY // bodies))
+        few = max(32, min(most, MANY * model.worlds // bodies))
         self.lanes = int(np.clip(most // 8, few, 2**16)) if model.device.is_cuda else 1
         self.change = wp.zeros((bodies * self.lanes, 1 + line_search.HALVINGS), dtype=wp.float64, device=model.device)
         firsts = {"": assembly.system.first} | {kind: model.upload(first, int) for kind, (first, _) in kinds.items()}

@@ -133,7 +133,8 @@ class System:
         self.cluster = None
         if paired and model.device.is_cuda and not (len(springs) or coarse or schwarz):
             from wsim.physics.fused.conjugate import cluster_of
-            self.cluster = cluster_of(model, int(np.diff(self.starts).max()), self.systems, int(np.diff(b.first).max()))
+            one = self.systems // model.worlds                     # of a world, whose bits do not depend on how many there are
+            self.cluster = cluster_of(model, int(np.diff(self.starts).max()), one, int(np.diff(b.first).max()))
         self.large = bool(coarse) or int(np.diff(self.starts).max()) > FUSE["cuda" if model.device.is_cuda else "cpu"]
         if self.schwarz:
             pass                                       # has kernels of its own

@@ -1,0 +1,186 @@
+"""Substeps of strands that press each other: Newton's method for all strands of a world at once. Corrections come of the blocks
+of strands alone (kernels/rods/system.py) where nothing presses, else of conjugate gradients (kernels/rods/conjugate.py).
+
+A step along which the force turns round, f . z < -OVERSHOT f0 . z, is taken back to where the force along it would be 0 if it
+were linear: friction has no stiffness along its slip, and turns round. For ROUGH iterations behind that it is taken to be as
+stiff along as across, which descends for certain, and slowly.
+
+Every world has its own scalars and ends by itself; sums over strands are taken in their order. A world where something is
+touched steps by backward Euler as a whole: points that stepped otherwise than those they pull at would make momentum.
+"""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.rods.contact import Colliders
+from wsim.kernels.rods.march import TOLERANCE, begin
+from wsim.kernels.rods.system import backward, forward, take
+from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
+
+MOST = wp.constant(150)                  # iterations of Newton: friction that turns round settles by a fifth in each
+OVERSHOT = wp.constant(wp.float64(0.5))
+ROUGH = wp.constant(8)                   # iterations behind a step back
+BACK = wp.constant(6)                    # steps back in a row, at most
+# words: Newton goes on; conjugate gradients do; a pair presses; this is the first frame
+GOING, TURNING, ACTIVE, FIRST = range(4)
+WORDS = 4
+
+
+@wp.struct
+class Coupled:
+    """By strand: its world, sums, the greatest correction over its shortest edge. By world: Newton's state, gradients' scalars.
+    By block of 4: vectors of conjugate gradients."""
+
+    first: wp.array(dtype=int)                      # first strand of each world, and their number, (worlds + 1,)
+    world: wp.array(dtype=int)
+    least: wp.array(dtype=wp.float64)               # shortest edge [m]
+    sum: wp.array(dtype=wp.float64)
+    ahead: wp.array(dtype=wp.float64)               # force along the last step, and along the correction
+    gain: wp.array(dtype=wp.float64)
+    left: wp.array(dtype=wp.float64)
+    on: wp.array(dtype=int)                         # 1: Newton goes on; -1: one step is taken yet; 0: it has ended
+    turn: wp.array(dtype=int)                       # 1: conjugate gradients go on
+    count: wp.array(dtype=int)                      # iterations of Newton
+    rounds: wp.array(dtype=int)                     # and of the gradients in this one
+    scale: wp.array(dtype=wp.float64)               # part of the correction, or of the step before, that is taken
+    back: wp.array(dtype=int)                       # steps in a row that were taken back in part
+    rough: wp.array(dtype=int)                      # iterations to come in which friction is as stiff along its slip as across
+    slope: wp.array(dtype=wp.float64)               # force along the last step where it began
+    rho: wp.array(dtype=wp.float64)                 # r . z
+    rho0: wp.array(dtype=wp.float64)
+    alpha: wp.array(dtype=wp.float64)
+    beta: wp.array(dtype=wp.float64)
+    touched: wp.array(dtype=int)                    # 1: something is touched
+    force: wp.array2d(dtype=wp.vec4d)               # right-hand side
+    last: wp.array2d(dtype=wp.vec4d)                # the last step
+    x: wp.array2d(dtype=wp.vec4d)
+    r: wp.array2d(dtype=wp.vec4d)
+    p: wp.array2d(dtype=wp.vec4d)
+    w: wp.array2d(dtype=wp.vec4d)                   # M p
+    q: wp.array2d(dtype=wp.vec4d)                   # A p
+
+
+@cache
+def newton(kinds: tuple[str, ...], module: str):
+    """Kernels: begin a substep; assemble; measure corrections; judge them; take them. kinds: of colliders."""
+    assemble = forward(kinds, True)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def begin_strands(S: Strands, H: Holds, Q: Motion, T: Trial, G: Coupled, h: wp.float64, at: int):
+        k = wp.tid()
+        begin(S, H, Q, T, h, at, k)
+        short = S.length[0, k]
+        for i in range(1, S.points[k] - 1):
+            short = wp.min(short, S.length[i, k])
+        G.least[k] = short
+
+    @wp.kernel(module=module, enable_backward=False)
+    def begin_worlds(G: Coupled, words: wp.array(dtype=int)):
+        k = wp.tid()
+        G.on[k] = 1
+        G.count[k] = 0
+        G.back[k] = 0
+        G.rough[k] = 0
+        words[GOING] = 1
+
+    @wp.kernel(module=module, enable_backward=False)
+    def assemble_strands(S: Strands, C: Colliders, Q: Motion, T: Trial, G: Coupled, h: wp.float64, at: int):
+        k = wp.tid()
+        if G.on[G.world[k]] != 1:
+            return
+        p = Step()
+        p.h = h
+        p.at = at
+        assemble(S, C, Q, T, p, k)
+        backward(S, T, k)
+        total = wp.float64(0.0)
+        ahead = wp.float64(0.0)
+        t1 = wp.vec4d()
+        t2 = wp.vec4d()
+        for i in range(S.points[k]):                    # what was eliminated on, as it was
+            t = T.b[i, k]
+            r = t
+            if i > 0:
+                r = r + wp.transpose(T.near[i - 1, k]) * t1
+            if i > 1:
+                r = r + wp.transpose(T.far[i - 2, k]) * t2
+            t2 = t1
+            t1 = t
+            z = T.z[i, k]
+            G.x[i, k] = wp.vec4d()
+            G.r[i, k] = r
+            G.p[i, k] = z
+            G.w[i, k] = r
+            G.force[i, k] = r
+            total += wp.dot(r, z)
+            ahead += wp.dot(r, G.last[i, k])
+        G.sum[k] = total
+        G.ahead[k] = ahead
+
+    @wp.kernel(module=module, enable_backward=False)
+    def measure_strands(S: Strands, T: Trial, G: Coupled):
+        k = wp.tid()
+        if G.on[G.world[k]] != 1:
+            return
+        most = wp.float64(0.0)
+        gain = wp.float64(0.0)
+        for i in range(S.points[k]):
+            z = T.z[i, k]
+            most = wp.max(most, wp.length(wp.vec3d(z[0], z[1], z[2])))
+            gain += wp.dot(z, G.force[i, k])
+        G.left[k] = most / G.least[k]
+        G.gain[k] = gain
+
+    @wp.kernel(module=module, enable_backward=False)
+    def judge_worlds(G: Coupled, words: wp.array(dtype=int)):
+        words[ACTIVE] = 0
+        going = int(0)
+        one = wp.float64(1.0)
+        for k in range(G.on.shape[0]):
+            G.on[k] = wp.max(G.on[k], 0)
+            if G.on[k] == 1:
+                z = wp.float64(0.0)
+                ahead = wp.float64(0.0)
+                gain = wp.float64(0.0)
+                for j in range(G.first[k], G.first[k + 1]):
+                    z = wp.max(z, G.left[j])
+                    ahead += G.ahead[j]
+                    gain += G.gain[j]
+                begun = G.count[k] > 0
+                G.count[k] = G.count[k] + 1
+                if begun and ahead < -OVERSHOT * G.slope[k] and G.back[k] < BACK:
+                    G.scale[k] = ahead / (G.slope[k] - ahead)
+                    G.slope[k] = (one + G.scale[k]) * G.slope[k]
+                    G.back[k] = G.back[k] + 1
+                    G.rough[k] = ROUGH
+                else:
+                    G.scale[k] = wp.min(one, one / wp.max(z, wp.float64(1e-12)))
+                    G.slope[k] = gain * G.scale[k]
+                    G.back[k] = 0
+                    G.rough[k] = wp.max(G.rough[k] - 1, 0)
+                    if z <= TOLERANCE:
+                        G.on[k] = -1                    # the last step is taken yet
+                if G.count[k] >= MOST:
+                    G.on[k] = -1
+                going = going + wp.max(G.on[k], 0)
+        words[GOING] = wp.min(going, 1)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def take_strands(S: Strands, T: Trial, G: Coupled):
+        k = wp.tid()
+        world = G.world[k]
+        if G.on[world] != 0:
+            a = G.scale[world]
+            for i in range(S.points[k]):
+                if G.back[world] > 0:
+                    T.z[i, k] = G.last[i, k]
+                    G.last[i, k] = G.last[i, k] * (wp.float64(1.0) + a)
+                else:
+                    G.last[i, k] = T.z[i, k] * a
+            take(S, T, a, k)
+
+    return begin_strands, begin_worlds, assemble_strands, measure_strands, judge_worlds, take_strands

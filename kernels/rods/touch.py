@@ -1,0 +1,256 @@
+"""Contact of strands' edges with each other: the law of kernels/rods/contact.py between two edges, pair by pair.
+
+    y = sum_c b_c x_c,   e = keep - n . y,   N(e) and friction as there,   f_c = b_c f,   K_cd = b_c b_d (k n n^T + friction's)
+
+b and n are weights and normal of the closest points where the substep begins (kernels/selfcontact/closest.py), b positive on
+the first edge and negative on the second, so that forces of a pair cancel; keep is the sum of both radii, of edges of one
+strand at most a part of the length between them, and of edges that began nearer what they had, growing by `climb` a substep.
+
+    k = max(STIFF m / h^2, E A / d):    what is pressed by a tension T sinks by about the strain T / (E A), in diameters
+
+Points know the pairs of their edges (`of`), in the order of the pairs' points and not of the list, and gather what these add
+up: the same bits from run to run.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.rods.contact import SOFT, STIFF, Touch, rub
+from wsim.kernels.selfcontact import pairs
+
+REAL = wp.float64
+NearPairs, Surfaces = pairs.lists(REAL), pairs.surfaces(REAL)
+FREE = wp.constant(wp.float64(1e-12))      # of what pairs keep: what is less is no distance yet
+
+
+@wp.struct
+class Pressed:
+    """What pairs have, by pair, besides the list's; `of`, `many` by point."""
+
+    kept: wp.array(dtype=wp.float64)               # distance that it keeps now [m]; negative: not known yet
+    k: wp.array(dtype=wp.float64)                  # [N/m]
+    stick: wp.array(dtype=wp.vec3d)                # bristle [m]
+    load: wp.array(dtype=wp.float64)               # normal force of the substep before [N]
+    f: wp.array(dtype=wp.vec3d)                    # force on the first edge [N]
+    K: wp.array(dtype=wp.mat33d)                   # its stiffness [N/m]
+    s: wp.array(dtype=wp.vec3d)                    # bristle where the substep ends [m]
+    N: wp.array(dtype=wp.float64)                  # normal force there [N]
+    cross: wp.array2d(dtype=wp.vec3d)              # K by what the first, second edge moves, (pairs, 2)
+    rough: wp.array(dtype=int)                     # of worlds: > 0, friction is as stiff along its slip as across
+    of: wp.array2d(dtype=int)                      # 4 pair + corner, (points, room)
+    many: wp.array(dtype=int)                      # of them, by point; may be more than there is room for
+
+
+@wp.struct
+class Way:
+    """Where points are: in the trial, where the substep begins [m], and their velocities there [m/s]; h [s]."""
+
+    x: wp.array(dtype=wp.vec3d)
+    x0: wp.array(dtype=wp.vec3d)
+    v: wp.array(dtype=wp.vec3d)
+    h: wp.float64
+
+
+@wp.struct
+class Sides:
+    """What never changes, by point."""
+
+    m: wp.array(dtype=wp.float64)                  # [kg]
+    hard: wp.array(dtype=wp.float64)               # E A / d [N/m]
+    strand: wp.array(dtype=int)
+    gravity: wp.array(dtype=wp.vec3d)              # [m/s^2], by strand
+
+
+@cache
+def lists(module: str):
+    """Kernels that make `of` anew behind a search, and carry over what pairs had that were listed before."""
+    @wp.func
+    def before(near: NearPairs, a: int, b: int):
+        """True if entry a stands before entry b."""
+        p = near.ids[a / 4]
+        q = near.ids[b / 4]
+        if p[0] != q[0]:
+            return p[0] < q[0]
+        if p[2] != q[2]:
+            return p[2] < q[2]
+        return a < b
+
+    @wp.kernel(module=module, enable_backward=False)
+    def enlist(near: NearPairs, to: Pressed):
+        i = wp.tid()
+        if i < wp.min(near.count[0], near.capacity):
+            to.kept[i] = wp.float64(-1.0)
+            to.stick[i] = wp.vec3d()
+            to.load[i] = wp.float64(0.0)
+            for c in range(4):
+                p = near.ids[i][c]
+                slot = wp.atomic_add(to.many, p, 1)
+                if slot < to.of.shape[1]:
+                    to.of[p, slot] = 4 * i + c
+
+    @wp.kernel(module=module, enable_backward=False)
+    def order(point: wp.array(dtype=int), near: NearPairs, word: int, to: Pressed, said: wp.array(dtype=int)):
+        p = point[wp.tid()]
+        if to.many[p] > to.of.shape[1]:
+            wp.atomic_max(said, word, to.many[p])
+        for i in range(1, wp.min(to.many[p], to.of.shape[1])):
+            own = to.of[p, i]
+            j = i
+            while j > 0 and before(near, own, to.of[p, wp.max(j - 1, 0)]):
+                to.of[p, j] = to.of[p, j - 1]
+                j -= 1
+            to.of[p, j] = own
+
+    @wp.kernel(module=module, enable_backward=False)
+    def recall(near: NearPairs, old: Pressed, ids: wp.array(dtype=wp.vec4i), to: Pressed):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity):
+            return
+        own = near.ids[i]
+        for j in range(wp.min(old.many[own[0]], old.of.shape[1])):
+            k = old.of[own[0], j] / 4
+            if ids[k][0] == own[0] and ids[k][2] == own[2]:
+                to.kept[i] = old.kept[k]
+                to.stick[i] = old.stick[k]
+                to.load[i] = old.load[k]
+
+    return enlist, order, recall
+
+
+@cache
+def ready(module: str):
+    """Kernel where a substep begins: what pairs keep, and how hard they are. first: 1 in the first frame."""
+    @wp.kernel(module=module, enable_backward=False)
+    def ready_pairs(near: NearPairs, side: Sides, climb: wp.float64, hh: wp.float64, first: wp.array(dtype=int), to: Pressed):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity):
+            return
+        ids = near.ids[i]
+        m = side.m[ids[0]]
+        hard = side.hard[ids[0]]
+        for c in range(1, 4):
+            m = wp.min(m, side.m[ids[c]])
+            hard = wp.min(hard, side.hard[ids[c]])
+        to.k[i] = wp.max(STIFF * m / hh, hard)
+        kept = to.kept[i] + climb
+        if to.kept[i] < wp.float64(0.0):
+            kept = near.keep[i]
+            if first[0] == 1:
+                kept = near.away[i]
+        to.kept[i] = wp.clamp(kept, FREE * near.keep[i], near.keep[i])
+
+    return ready_pairs
+
+
+@cache
+def press(module: str):
+    """Kernel: forces and stiffnesses of pairs; active[0] 1 where a pair presses."""
+    @wp.kernel(module=module, enable_backward=False)
+    def press_edges(s: Surfaces, near: NearPairs, side: Sides, way: Way, to: Pressed, active: wp.array(dtype=int)):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity):
+            return
+        ids = near.ids[i]
+        b = near.b[i]
+        n = near.n[i]
+        o = ids[0]
+        y = wp.vec3d()
+        slid = wp.vec3d()
+        speed = wp.vec3d()
+        mu = wp.vec2d()
+        for c in range(4):
+            q = ids[c]
+            y += b[c] * ((way.x[q] - way.x[o]) + (s.shift[q] - s.shift[o]))
+            slid += b[c] * (way.x[q] - way.x0[q])
+            speed += b[c] * way.v[q]
+            mu += wp.float64(0.5) * wp.abs(b[c]) * s.friction[q]
+        t = Touch()
+        k = to.k[i]
+        w = SOFT * to.kept[i]
+        deep = to.kept[i] - wp.dot(n, y)
+        if deep > -w:
+            e = wp.min(deep + w, w + w)
+            slope = k * e / (w + w)
+            t.N = slope * wp.float64(0.5) * e + k * wp.max(deep - w, wp.float64(0.0))
+            t.f = n * t.N
+            t.K = wp.outer(n, n) * slope
+            load = to.load[i]
+            if load == wp.float64(0.0):
+                blow = wp.abs(wp.dot(n, speed)) / way.h + wp.length(side.gravity[side.strand[o]])
+                load = wp.min(t.N, wp.float64(2.0) * wp.min(side.m[o], side.m[ids[2]]) * blow)
+            t = rub(t, n, to.stick[i] + slid, load, k, mu, wp.float64(wp.min(to.rough[s.world[o]], 1)))
+            wp.atomic_max(active, 0, 1)
+        to.f[i] = t.f
+        to.K[i] = t.K
+        to.s[i] = t.s
+        to.N[i] = t.N
+
+    return press_edges
+
+
+@cache
+def gather(module: str):
+    """Kernel: what pairs add up at points. next: from a point to the one behind it in flat arrays."""
+    @wp.kernel(module=module, enable_backward=False)
+    def gather_pairs(s: Surfaces, near: NearPairs, P: Pressed, next: int, f_out: wp.array(dtype=wp.vec3d),
+                     K_out: wp.array(dtype=wp.mat33d), along_out: wp.array(dtype=wp.mat33d)):
+        p = s.point[wp.tid()]
+        f = wp.vec3d()
+        K = wp.mat33d()
+        along = wp.mat33d()
+        if s.w[p] > wp.float64(0.0):
+            for j in range(wp.min(P.many[p], P.of.shape[1])):
+                entry = P.of[p, j]
+                i = entry / 4
+                c = entry - 4 * i
+                b = near.b[i]
+                f += P.f[i] * b[c]
+                K += P.K[i] * (b[c] * b[c])
+                if c == 0 or c == 2:
+                    if s.w[near.ids[i][c + 1]] > wp.float64(0.0):
+                        along += P.K[i] * (b[c] * b[c + 1])
+        f_out[p] = f
+        K_out[p] = K
+        along_out[p] = along
+
+    return gather_pairs
+
+
+@cache
+def across(module: str):
+    """Kernel: K by what each edge of a pair moves, of motions p (blocks of 4) of points."""
+    @wp.kernel(module=module, enable_backward=False)
+    def cross_pairs(s: Surfaces, near: NearPairs, p: wp.array(dtype=wp.vec4d), to: Pressed):
+        i = wp.tid()
+        if i >= wp.min(near.count[0], near.capacity):
+            return
+        ids = near.ids[i]
+        b = near.b[i]
+        first = wp.vec3d()
+        second = wp.vec3d()
+        for c in range(4):
+            q = ids[c]
+            if s.w[q] > wp.float64(0.0):
+                move = wp.vec3d(p[q][0], p[q][1], p[q][2]) * b[c]
+                if c < 2:
+                    first += move
+                else:
+                    second += move
+        to.cross[i, 0] = to.K[i] * first
+        to.cross[i, 1] = to.K[i] * second
+
+    return cross_pairs
+
+
+@cache
+def keep(module: str):
+    """Kernel where a substep ends: what pairs remember of it."""
+    @wp.kernel(module=module, enable_backward=False)
+    def keep_pairs(near: NearPairs, to: Pressed):
+        i = wp.tid()
+        if i < wp.min(near.count[0], near.capacity):
+            to.stick[i] = to.s[i]
+            to.load[i] = to.N[i]
+
+    return keep_pairs

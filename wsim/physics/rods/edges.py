@@ -1,0 +1,98 @@
+"""Edges of strands that touch each other, as tables of the search and the proof of surfaces (kernels/selfcontact/pairs.py), of
+edges alone. A strand's rest shape is the line of its own length: what keeps neighbours apart is the length between them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.selfcontact import pairs
+from wsim.model.launches import Launches
+from wsim.model.structs import filled
+from wsim.physics.selfcontact.surfaces import TUBE, TUBE_EDGE, ULP, WRITTEN
+
+if TYPE_CHECKING:
+    from wsim.physics.rods.tables import Table
+
+
+class Ground(Launches):
+    """The part of a model that search and proof ask for: float64, in a module of its own. points: flat rows of the tables."""
+
+    recorder = tape = fuser = None
+    real, dtype = wp.float64, np.float64
+
+    def __init__(self, module: str, device, points: int, worlds: int, block: int):
+        self.module, self.device, self.points, self.worlds = module, device, points, worlds
+        self.threads = block
+
+    @property
+    def block(self) -> int:
+        return self.threads
+
+    def upload(self, values, dtype):
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+
+class Edges:
+    """Rods that say so touch themselves and each other, as `Surfaces` do."""
+
+    def __init__(self, table: Table, ground: Ground):
+        self.table, m = table, table.strands
+        on = np.zeros(m, bool)
+        for own, (rods, _) in zip(table.own, table.pairs, strict=True):
+            on[own] = rods.self_collision
+        number = np.arange(table.longest)[:, None]
+        points = ((number < table.counts) & on).ravel()
+        behind = ((number + 1 < table.counts) & on).ravel()
+        self.points = np.flatnonzero(points).astype(np.int32)
+        first = np.flatnonzero(behind)
+        self.edges = np.stack([first, first + m], axis=1).astype(np.int32)
+        self.triangles = np.zeros((0, 3), np.int32)
+        self.free = {"points": len(self.points), "edges": len(self.edges), "triangles": 0}
+        self.obstacles, self.total = None, ground.points
+        self.strand = np.tile(np.arange(m), table.longest).astype(np.int32)
+        self.worlds_of = np.repeat([world for _, world in table.pairs], [own.stop - own.start for own in table.own])
+        self.world = self.worlds_of[self.strand].astype(np.int32)
+        reach = table.values["radius"].ravel()
+        self.thickness = 2.0 * float(reach[self.points].max(initial=0.0))
+        length = table.values["length"].ravel()[first]
+        self.beta = max(TUBE * self.thickness, TUBE_EDGE * float(length.mean()))
+        self.data = self._upload(ground, reach)
+
+    def _upload(self, ground: Ground, reach: np.ndarray) -> Any:
+        t, m = self.table, self.table.strands
+        far, unit, friction = np.zeros((m, 3)), np.zeros(m), np.zeros((m, 2))
+        for own, (rods, _) in zip(t.own, t.pairs, strict=True):
+            M = rods.motion.at(0.0)
+            far[own] = t.origin[own] - M[:3, 3]
+            unit[own] = WRITTEN * np.linalg.cond(M[:3, :3])
+            friction[own] = rods.static_friction, rods.dynamic_friction
+        along = np.zeros((t.longest, m, 3))
+        along[1:, :, 0] = np.cumsum(t.values["length"][:-1], axis=0)
+        free = (t.hold < 0) & (t.values["m"] > 0.0)
+        w = np.where(free, 1.0 / np.where(free, t.values["m"], 1.0), 0.0).ravel()
+        up, k = ground.upload, self.strand
+        self.base = t.origin[0]
+        return filled(
+            pairs.surfaces(wp.float64), w=up(w, wp.float64), point=up(self.points, int), edge=up(self.edges, wp.vec2i),
+            triangle=up(self.triangles, wp.vec3i), unit=up(unit[k], wp.float64), reach=up(reach, wp.float64),
+            friction=up(friction[k], wp.vec2d), rest=up(along.reshape(-1, 3), wp.vec3d), body=up(k, int),
+            world=up(self.world, int), shift=up((t.origin - self.base)[k], wp.vec3d), far=up(far[k], wp.vec3d), beta=self.beta,
+            radius=2.01 * self.beta, tied=0, ulp=ULP[np.float64])
+
+    def start(self, model: Ground) -> np.ndarray:
+        """Where all points begin, from the origin of the first strand [m], (points, 3)."""
+        return self.table.x.reshape(-1, 3) + (self.table.origin - self.base)[self.strand]
+
+    def sides(self) -> SimpleNamespace:
+        """Mass [kg] and E A / d [N/m] of every point, and its strand."""
+        V = self.table.values
+        A, d = V["A"] * V["length"], 2.0 * V["radius"]
+        A[-1] = A[-2]
+        last = np.arange(self.table.strands)
+        A[self.table.counts - 1, last] = A[np.maximum(self.table.counts - 2, 0), last]
+        return SimpleNamespace(m=V["m"].ravel(), strand=self.strand,
+                               hard=(A / np.where(d > 0.0, d, 1.0)).ravel())
