@@ -24,7 +24,6 @@ from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.elements import Elements
 from wsim.physics.cloth.kind import SPRINGS
-from wsim.physics.motion import cluster
 from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders, shares
@@ -128,7 +127,7 @@ class ForceGather:
             self.entry[into], filled[into] = spring, other
             other = filled
         if self.cluster:
-            self.share(most, np.repeat(np.arange(own), width), other[:own * width])
+            self.share(np.repeat(np.arange(own), width), other[:own * width])
         self.table.start = model.upload(start.astype(np.int32), int)
         self.table.other = model.upload(other.astype(np.int32), int)
 
@@ -151,15 +150,11 @@ class ForceGather:
         self.table.row = lots.row(len(found.order))
         self.space = lots.room(model.real, self.table.row, len(found.entry), model.device)
 
-    def share(self, most: int, point: np.ndarray, other: np.ndarray) -> None:
-        """What each block of a world's cluster keeps; no cluster where points hang together too widely for that. Of many worlds
-        clusters have fewer blocks, but not other lanes: these make the sum. point, other: ends of the springs of a world."""
-        n, real, alone = self.model.points // self.model.worlds, np.dtype(self.model.dtype).itemsize, self.cluster
-        assert alone is not None
-        found = halo(alone, n, point, other, real)
-        if found and self.model.worlds >= cluster.WORLDS:
-            few = cluster_of(n, most, cluster.BLOCKS, real, (alone.lanes,))
-            found = (few and halo(few, n, point, other, real)) or found
+    def share(self, point: np.ndarray, other: np.ndarray) -> None:
+        """What each block of a world's cluster keeps; no cluster where points hang together too widely for that. point, other:
+        ends of the springs of a world."""
+        n, plan = self.model.points // self.model.worlds, self.cluster
+        found = plan and halo(plan, n, point, other, np.dtype(self.model.dtype).itemsize)
         self.cluster = found[0] if found else None
         if found:
             self.shares = Shares()
