@@ -19,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.bench.nets.membrane import held, peak_strain, split
+from tools.bench.nets.membrane import held, split
 from tools.bench.soft.runs import plain
 from tools.bench.speed import hardware
 from tools.bench.suite import write
-from wsim.scene import Scene
+from wsim.scene import Cloth, Scene
 from wsim.usd import load
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -102,17 +102,15 @@ class Run:
                 "warnings": sim.warnings}
 
 
-def peaks(made: Scene, states: dict[int, np.ndarray]) -> dict[int, float]:
-    """The largest strain of an edge of the first cloth, which comes first among the points; none of soft bodies."""
-    if not made.cloths:
+def peaks(run: Run) -> dict[int, float]:
+    """The largest strain of an edge of the first body after each of the frames, where that is a cloth."""
+    body = run.sim.model.bodies[0]
+    if not isinstance(body.source, Cloth):
         return {}
-    cloth = made.cloths[0]
-    rest = np.asarray(cloth.motion.points(cloth.points, 0.0), np.float64)
-    counts, indices = np.asarray(cloth.counts), np.asarray(cloth.indices)
-    start = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    fans = [np.stack([indices[s], indices[s + k], indices[s + k + 1]]) for s, c in zip(start, counts, strict=True)
-            for k in range(1, c - 1)]
-    return {end: peak_strain(rest, np.array(fans), x[:len(rest)]) for end, x in states.items()}
+    i, j = (body.edges - body.first).T
+    rest = np.linalg.norm(body.rest[i] - body.rest[j], axis=1)
+    return {end: float((np.linalg.norm(x[body.first + i] - x[body.first + j], axis=1) / rest).max() - 1.0)
+            for end, x in run.states.items()}
 
 
 def stable(made: Scene, device) -> int:
@@ -129,8 +127,8 @@ def stable(made: Scene, device) -> int:
 def rows(name: str, device: str, ends: list[int], settings: list[str]):
     """Rows of a scene, one by one."""
     made = SCENES[name]
-    true = Run(made(), "launched", device, ends, "float64", substeps=REFINED * stable(made(), device)).states
-    strain = peaks(made(), true)
+    fine = Run(made(), "launched", device, ends, "float64", substeps=REFINED * stable(made(), device))
+    true, strain = fine.states, peaks(fine)
     for setting in settings:
         row = {"scene": name, "device": device, "setting": setting}
         try:
@@ -138,7 +136,7 @@ def rows(name: str, device: str, ends: list[int], settings: list[str]):
         except Exception as error:                               # noqa: BLE001  (a table says which row failed)
             yield row | {"failed": f"{type(error).__name__}: {str(error)[:300]}"}
             continue
-        each = peaks(made(), run.states)
+        each = peaks(run)
         yield row | run.row() | {f"rms_{end}": float(np.sqrt(np.mean(np.sum((x - true[end])**2, axis=1))))
                                  for end, x in run.states.items()} | {
             f"peak_{end}": peak / strain[end] for end, peak in each.items()} | {"true_peak": strain}
