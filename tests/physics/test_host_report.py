@@ -116,9 +116,9 @@ assert sim.report()["error"]
 """
 
 
-@pytest.mark.parametrize("scene", ["cape", "hanging_cloth"])
+@pytest.mark.parametrize("scene", ["cape", "bone_cape"])
 def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(scene, tmp_path):
-    """The cape has pins, wind, contacts, strain and bending; the hanging cloth sweeps that leave a residual."""
+    """The cape has pins, wind, contacts, strain and bending; the cape on bones sweeps that leave a residual."""
     subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / f"{scene}.usda")], cwd=ROOT, check=True,
                    capture_output=True, env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
     (source,) = tmp_path.rglob("*.cpp")
