@@ -41,6 +41,7 @@ from wsim.kernels.math.real import types
 FREE = 1.0e30          # [m] of a point that has no contacts
 SLACK = 1.0e-5         # of distances, that clearances are smaller by: what poses and shapes a kilometre away are rounded by
 NEAR = 4               # bit of a point's mark: where the frame ended it was so near that the next one has contacts
+SOON = 8               # bit of a point's mark: the same, where the frame itself had none
 
 
 @cache
@@ -138,7 +139,7 @@ def clearance(kinds: tuple[str, ...], real, module):
             found -= kept
             later -= kept
         if later < m.ahead * wp.length(at.v[i]):
-            s.mark[i] = NEAR
+            s.mark[i] = SOON
             wp.atomic_max(soon_out, 0, 1)
         room_out[i] = found
         s.count[i] = 0

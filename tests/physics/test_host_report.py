@@ -110,16 +110,19 @@ def test_residuals_on_the_host_are_those_of_kernels(name, monkeypatch):
 STEP = """
 import sys
 from wsim.simulation.simulation import Simulation
-sim = Simulation(sys.argv[1], device="cpu")
+from wsim.usd import load
+scene = load(sys.argv[1])
+scene.solver = sys.argv[2]
+sim = Simulation(scene, device="cpu")
 sim.step()
 assert sim.report()["error"]
 """
 
 
-@pytest.mark.parametrize("scene", ["cape", "hanging_cloth"])
-def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(scene, tmp_path):
+@pytest.mark.parametrize("scene, solver", [("cape", "auto"), ("hanging_cloth", "xpbd")])
+def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(scene, solver, tmp_path):
     """The cape has pins, wind, contacts, strain and bending; the hanging cloth sweeps that leave a residual."""
-    subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / f"{scene}.usda")], cwd=ROOT, check=True,
+    subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / f"{scene}.usda"), solver], cwd=ROOT, check=True,
                    capture_output=True, env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
     (source,) = tmp_path.rglob("*.cpp")
     assert "cpu_forward_tasks<false>" in source.read_text() and "cpu_forward_tasks<true>" not in source.read_text()

@@ -6,6 +6,8 @@
 
     step, spring, element       a substep of leapfrog (one more for each kind of element), a spring in it, an element by weight
     blown                       a substep of it in which air acts
+    packed, beside, aired       sheets in packets (CPU): an element by weight; a point, where others act within a substep, and
+                                where one of them is air
     block, tet                  a substep of soft bodies, a tet in it; ten-node tets count TEN, those of a CPU that packets do
                                 not take ALONE
     rest, sweep, projection     a substep of XPBD, a sweep over a kind of constraint, a constraint in it by its weight
@@ -24,7 +26,7 @@
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -41,14 +43,16 @@ from wsim.scene import Soft, Surface
 # wanted, 1.54 times at most (tools/bench/choice/costs.py replays it), beside 2 of soft bodies, whose iterations are not in it
 # Newton steps of sheets on a CPU, 12 to 40 points a side (choice_newton_cpu.json): 0.6 to 1.2, below omega h of 200
 # Cells of a fluid: fluids_h200.json. CPU: one core of an EPYC (choice_epyc_2_cores.json); met, damped, body, cell fitted to
-# the examples (tools/bench/choice/said.py, said_cpu.json)
+# the examples (tools/bench/choice/said.py, said_cpu.json); packed, beside, aired: sheets of 16 to 72 cells a side, one thread,
+# least CPU seconds of 6 to 12 frames, said to take 0.9 to 1.3 of what they do (12k points, which leave the cache: 0.6)
 COSTS = {
     "cuda": {"step": 4.7e-6, "spring": 1.3e-11, "element": 2.2e-11, "blown": 9e-6, "block": 3.2e-6, "tet": 1.05e-10,
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
              "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
              "touch": 5.1e-6, "near": 3e-11, "mesh": 5.8e-5,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
-    "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
+    "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
+            "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
             "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
             "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
@@ -74,10 +78,22 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     damped = any(r.tau for r in model.constraints)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
+    if packed(model, kinds):
+        scene = model.scene
+        aired = n * model.points * any(c.drag or c.lift for c in scene.cloths)
+        within = aired or scene.colliders or _hard(model) or any(p.stiffness < inf for p in scene.pins)
+        return {"step": n, "packed": n * work, "beside": n * model.points * bool(within), "aired": aired,
+                **_contacts(model, n, 1)}
     others = sum(row(kind).gather != SPRINGS for kind in kinds)
     blown = any(cloth.drag or cloth.lift for cloth in model.scene.cloths)
     return {"step": n * (1 + others), "spring": n * springs, "element": n * (work - springs), "blown": n * blown,
             "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
+
+
+def packed(model: Model, kinds: set[str]) -> bool:
+    """True if explicit steps take all elements in packets."""
+    apart = model.device.is_cuda or model.gradients or model.scene.softs or model.scene.loads
+    return bool(kinds) and not apart and all(row(kind).packets for kind in kinds)
 
 
 def sweeps(model: Model, n: int, iterations: int) -> dict[str, float]:
@@ -154,6 +170,10 @@ def _constraints(model: Model) -> tuple[float, float, set[str]]:
     springs, work = (sum(r.row.weight * len(r.ids) for r in found)
                      for found in ([r for r in soft if r.row.gather == SPRINGS], soft))
     return springs, work, {r.kind for r in soft}
+
+
+def _hard(model: Model) -> bool:
+    return any(r.hard for r in model.constraints)
 
 
 def _tets(model: Model, what: int) -> float:

@@ -224,7 +224,7 @@ def _chosen(model: Model, fps: float | None = None) -> Build:
     if fps is None:
         if model.worlds > 1:
             one = models.build(scene, 1, model.device, model.real)
-            constrain(one)
+            constrain(one, model)
         choice = choose(one)
     else:
         from wsim.simulation.predicted.rate import hold

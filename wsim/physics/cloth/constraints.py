@@ -65,11 +65,15 @@ def rows_of(body: Body, pinned: np.ndarray | None = None) -> list[Constraints]:
     return [r for r in made if len(r.ids)]
 
 
-def constrain(model: Model) -> None:
-    """Fills `Model.constraints`: those of the bodies of world 0, and copies for the bodies of every other."""
+def constrain(model: Model, made: Model | None = None) -> None:
+    """Fills `Model.constraints`: those of the bodies of world 0, and copies for the bodies of every other. made: a model of the
+    same scene that has its own, of which all are copies."""
     pinned = hard_places(model)
-    first = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
-    model.constraints = [r if b.world == 0 else r.moved(b) for b in model.bodies for r in first[b.path]]
+    if made is None:
+        first = {b.path: rows_of(b, pinned) for b in model.bodies if b.world == 0}
+    else:
+        first = {b.path: of_body(made, b) for b in made.bodies if b.world == 0}
+    model.constraints = [r if r.body is b else r.moved(b) for b in model.bodies for r in first[b.path]]
 
 
 def of_body(model: Model, body: Body) -> list[Constraints]:

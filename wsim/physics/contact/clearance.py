@@ -75,9 +75,12 @@ class Clearance:
 
     def enter(self, clock: Clock) -> None:
         """The form that a frame takes first."""
-        known = self.said is not None and not clock.starting
-        near = clock.touching or (self.said if known else bool(self.contacts.mark.numpy().any()))
-        clock.free, clock.after_free = not near, self.whole and not near
+        if self.said is not None and not clock.starting:
+            near, before = clock.touching or self.said, clock.free
+        else:
+            marks = self.contacts.mark.numpy()
+            near, before = clock.touching or bool(marks.any()), bool((marks & kernels.SOON).any())
+        clock.free, clock.after_free = not near, self.whole and (before or not near)
 
     def hear(self) -> bool:
         """True if the frame that has ended had no contacts and should have."""
