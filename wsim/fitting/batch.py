@@ -18,7 +18,7 @@ Seen = tuple[int, int, Any, int]       # experiment, frame, observation, row of 
 
 
 def events(experiments: list[tuple[Scene, list]]) -> list[tuple[float, list[Seen]]]:
-    """What was seen at each time [s], in order."""
+    """Observations by the time [s] at which each was seen, in order."""
     found: dict[float, list[Seen]] = {}
     for k, (scene, seen) in enumerate(experiments):
         for o in seen:

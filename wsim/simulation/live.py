@@ -60,7 +60,7 @@ def set_value(sim: Simulation, path: str, name: str, value, world) -> None:
     row = table.find(type(thing).__name__, name)
     if row is None or not row.live:
         raise _unknown(sim, thing, path, name, world)
-    if varying.curved(value) and row.form in ("number", "vector", "factor"):
+    if varying.curved(value) and row.form in varying.FORMS:
         varying.give(sim, path, name, value, world)
         return
     value = _judged(sim, row, thing, path, value, world)

@@ -13,9 +13,14 @@ import numpy as np
 
 from wsim.scene import Motion, Scene, Varying
 from wsim.scene.curve import Curve
+from wsim.scene.methods import named
+from wsim.scene.values import table
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
+
+
+FORMS = "number", "vector", "factor"         # of values that are set frame by frame
 
 
 def follow(sim: Simulation) -> None:
@@ -35,12 +40,18 @@ def follow(sim: Simulation) -> None:
 def _given(sim: Simulation, set_before: dict) -> None:
     """Sets the values of curves that were set by hand, as `follow` does, whatever the scene's own have put there."""
     put = {key for key in set_before if len(key) == 2}
-    for path, name, curve, world in [c for c in sim.changes if curved(c[2])]:
+    for path, name, curve, world in [c for c in sim.changes if curved(c[2]) and follows(sim, *c[:2])]:
         value, key = curve.at(sim.time + 0.5 / sim.scene.fps), (path, name, world)
         if (path, name) in put or not (key in set_before and np.array_equal(set_before[key], value)):
             _put(sim, path, name, value, world)
             set_before[key] = value
             put |= {(path, name)} if world is None else set()
+
+
+def follows(sim: Simulation, path: str, name: str) -> bool:
+    """True for a value that `follow` sets frame by frame; others, as actuations and loads, take a curve whole."""
+    row = table.find(type(named(sim.scene, path)).__name__, name)
+    return row is not None and row.form in FORMS
 
 
 def curved(value) -> bool:

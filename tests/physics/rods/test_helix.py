@@ -9,12 +9,13 @@ force n is known: the weight below. Unknown is the moment at the upper end, foun
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.optimize import root
 
 from tests.physics.rods.rig import simulated
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Scene
+
+solve_ivp = pytest.importorskip("scipy.integrate").solve_ivp
+root = pytest.importorskip("scipy.optimize").root
 
 RADIUS, RISE, TURNS, THICK, YOUNG, DENSITY, GRAVITY = 0.05, 0.03, 2.5, 0.004, 1e8, 1000.0, 9.81
 AREA, SECOND = np.pi * THICK**2 / 4.0, np.pi * THICK**4 / 64.0
