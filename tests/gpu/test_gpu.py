@@ -287,7 +287,8 @@ def test_gradients_through_contacts_and_wind_agree():
 def test_gradients_through_meshes_and_by_colliders_agree(shape):
     """A sheet thrown at a mesh that turns, rises and may deform: its motion by graphs, and its gradients."""
     for solver in SOLVERS:
-        scene = slid(shape, solver, 2.9)     # at 3 a point comes to an edge, where float32 queries name either face: 3e-9 m
+        # at 3 rad/s a point comes to an edge of the sheet, where float32 queries name either face: 3e-9 m
+        scene = slid(shape, solver, 2.9 if shape == "sheet" else 3.0)
         cpu, gpu = ends(scene, 4, "cpu", "cuda:0", precision="float64")
         assert np.abs(cpu - gpu).max() < 1e-11
         found = list(gradients(scene, 4))

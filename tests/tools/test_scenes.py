@@ -208,8 +208,8 @@ def test_scenes_run(name):
 
 
 def test_rollers_pull_a_cloth_at_their_speed():
-    """30 cm/s, of which it slips 1.4 %: the gap is narrower than the cloth, so that contacts of both sides pull at each other.
-    No triangles intersect."""
+    """30 cm/s: the gap between prisms of 96 sides is 0.95 mm at most, always narrower than the cloth (of 48 sides it opened to
+    1.1 mm, and the cloth slipped by 1.4 %). No triangles intersect."""
     from tests.physics.selfcontact.test_colliders import crossed
     from wsim.simulation.simulation import Simulation
     sim, places = Simulation(load(FOLDER / "rollers.usda"), device="cpu"), []
@@ -218,7 +218,7 @@ def test_rollers_pull_a_cloth_at_their_speed():
         places.append(sim.positions("/World/Cloth")[:11, 2].mean())             # of the edge that is on the table
         assert crossed(sim) == 0
     speed = (places[-1] - places[5]) / (24 / 24.0)
-    assert abs(speed - 0.3) < 0.02 * 0.3 and sim.indicators()["held"] == 0
+    assert abs(speed - 0.3) < 0.01 * 0.3 and sim.indicators()["held"] == 0
 
 
 def after(name: str, frames: int):

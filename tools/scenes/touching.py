@@ -54,7 +54,7 @@ def mesh(points, counts, indices) -> str:
 
 def rollers() -> str:
     radius, gap, level, frames, speed = 0.05, 0.9e-3, 0.25, 72, 0.3             # [m], [m/s]
-    points, counts, indices = shapes.cylinder(radius, 0.16, 48)
+    points, counts, indices = shapes.cylinder(radius, 0.16, 96)
     points = np.asarray(points)[:, [2, 0, 1]]                                  # its axis is x
     surface = shapes.sheet(0.24, 0.72, 10, 30, horizontal=True, at=(0.0, level, -0.335))
 
@@ -62,7 +62,7 @@ def rollers() -> str:
         keys = [(f, (-sign * np.rad2deg(speed / radius * f / 24.0), 0.0, 0.0)) for f in range(0, frames + 1, 2)]
         body = mesh(points, counts, indices) + "\n" + samples("float3", "xformOp:rotateXYZ", keys)
         return solid("Mesh", name, body + "\n" + moved(0, level + sign * (radius + 0.5 * gap), 0, "xformOp:rotateXYZ"), color,
-                     "A prism of 48 sides, which turns: 30 cm/s where it meets the cloth. Its edges and corners meet the "
+                     "A prism of 96 sides, which turns: 30 cm/s where it meets the cloth. Its edges and corners meet the "
                      "triangles of the cloth, too.", ', "PhysicsMeshCollisionAPI"')
     table = ("double size = 1\nfloat3[] extent = [(-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)]\n"
              "float3 xformOp:scale = (0.3, 0.02, 0.68)\n" + moved(0, level - 0.0115, -0.40, "xformOp:scale"))

@@ -49,10 +49,9 @@ class Apart:
         o = self.method.obstacles
         apart = not busy and not clock.starting and not (o and o.moves)      # straight ways are not those of what turns
         contact = self.model.scene.colliders
-        seen = bool(contact) and clock.after_free and not clock.free         # a collider, from a frame without contacts
         clock.free = apart and (clock.free or not contact)
         if self.whole:
-            clock.after_free = apart or seen
+            clock.after_free = apart
 
     def look(self, clock: Clock) -> None:
         """Where a frame ends that had no stages of self-contact."""
