@@ -66,7 +66,7 @@ class Coupled:
 
 @cache
 def newton(kinds: tuple[str, ...], airy: bool, module: str):
-    """Kernels: begin a substep; assemble; measure corrections; judge them; take them. kinds: of colliders. airy: there is air."""
+    """Kernels: begin a substep; assemble; measure corrections; judge them; take them. kinds: of colliders. airy: with air."""
     assemble = forward(kinds, airy, True)
 
     @wp.kernel(module=module, enable_backward=False)

@@ -36,6 +36,8 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
         if isinstance(c.shape, Surface) and c.shape.poses is not None:
             yield warning(path, f"the mesh {c.path} deforms, and strands meet its shape at the start", "rigid colliders",
                           "animate the prim, not its points")
+    if np.any(scene.wind) and not (rods.drag or rods.skin_drag):
+        yield warning(path, "strands do not feel the wind: drag and skin_drag are 0", "numbers > 0", "author wsim:drag")
     if scene.bodies() or scene.things("Body"):
         yield warning(path, "strands pass through cloth, soft bodies and rigid bodies", "colliders",
                       "give what they shall meet as a collider")
