@@ -65,9 +65,9 @@ class Coupled:
 
 
 @cache
-def newton(kinds: tuple[str, ...], module: str):
-    """Kernels: begin a substep; assemble; measure corrections; judge them; take them. kinds: of colliders."""
-    assemble = forward(kinds, True)
+def newton(kinds: tuple[str, ...], airy: bool, module: str):
+    """Kernels: begin a substep; assemble; measure corrections; judge them; take them. kinds: of colliders. airy: with air."""
+    assemble = forward(kinds, airy, True)
 
     @wp.kernel(module=module, enable_backward=False)
     def begin_strands(S: Strands, H: Holds, Q: Motion, T: Trial, G: Coupled, h: wp.float64, at: int):

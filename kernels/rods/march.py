@@ -88,10 +88,10 @@ def finish(kinds: tuple[str, ...]):
 
 
 @cache
-def strands(kinds: tuple[str, ...], module: str):
+def strands(kinds: tuple[str, ...], airy: bool, module: str):
     """Kernel over strands. said: (strands, 3): most iterations of a substep; greatest last correction over the shortest edge's
-    length; how deep a point is in a collider at the end of a substep [m]. kinds: of colliders, () for none."""
-    assemble, end = forward(kinds), finish(kinds)
+    length; how deep a point is in a collider at the end of a substep [m]. kinds: of colliders, () for none. airy: with air."""
+    assemble, end = forward(kinds, airy), finish(kinds)
 
     @wp.kernel(enable_backward=False, module=module)
     def march_strands(S: Strands, H: Holds, C: Colliders, Q: Motion, T: Trial, h: wp.float64, substeps: int,

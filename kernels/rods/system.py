@@ -17,6 +17,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.rods.air import blow, velocity
 from wsim.kernels.rods.contact import Colliders, touching
 from wsim.kernels.rods.element import bend, transport, turned, upright
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
@@ -75,6 +76,24 @@ def inertia(S: Strands, Q: Motion, T: Trial, p: Step, i: int, k: int):
                 spin = (T.turn[i, k] * a - w[1] * b) / p.h
                 r[3] = -J * (spin * a - w[0] * (a + b) + w[2] * b) / p.h
     return D, r
+
+
+@wp.func
+def push(S: Strands, w: Window, f: wp.vec3d, K: wp.mat33d, i: int, k: int):
+    """The window with a force on either end of an edge, its first two points, and the stiffness against their mean."""
+    one = wp.float64(1.0)
+    free0 = wp.where(S.hold[i, k] < 0, one, one - one)
+    free1 = wp.where(S.hold[i + 1, k] < 0, one, one - one)
+    m = int(3)
+    for a in range(m):
+        for b in range(m):
+            w.D0[a, b] = w.D0[a, b] + K[a, b] * free0
+            w.D1[a, b] = w.D1[a, b] + K[a, b] * free1
+            w.P[a, b] = w.P[a, b] + K[a, b] * free0 * free1
+    g = split(f, wp.float64(0.0))
+    w.r0 = w.r0 + g * free0
+    w.r1 = w.r1 + g * free1
+    return w
 
 
 @wp.func
@@ -170,9 +189,10 @@ def eliminating(pressed: bool):
 
 
 @cache
-def forward(kinds: tuple[str, ...], pressed: bool = False):
-    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. pressed:
-    other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are left for more right-hand sides."""
+def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
+    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. airy: there
+    is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
+    left for more right-hand sides."""
     meets, touch = bool(kinds), touching(kinds).touch if kinds else None
     eliminate = eliminating(pressed)
 
@@ -188,6 +208,12 @@ def forward(kinds: tuple[str, ...], pressed: bool = False):
     @wp.func
     def point(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, i: int, k: int):
         D, r = inertia(S, Q, T, p, i, k)
+        if wp.static(airy):
+            if i < S.points[k]:
+                if S.hold[i, k] < 0:
+                    rate = S.m[i, k] * S.decay[k]
+                    r = r - split(velocity(Q, T, p.h, i, k) * rate, wp.float64(0.0))
+                    D = add(D, wp.identity(n=3, dtype=wp.float64) * (rate * (wp.float64(1.0) + memory(Q, i, k)) / p.h))
         if wp.static(meets):
             if i < S.points[k]:
                 if S.hold[i, k] < 0:
@@ -214,6 +240,9 @@ def forward(kinds: tuple[str, ...], pressed: bool = False):
             w.r2 = r
             if i >= 0 and i + 1 < n:
                 w = stretch(S, w, t0, l0, i, k)
+                if wp.static(airy):
+                    f, K = blow(S, Q, T, p, i, k)
+                    w = push(S, w, f, K, i, k)
                 if wp.static(pressed):
                     w.P = add(w.P, T.along[i, k])
             if i >= 0 and i + 2 < n:
@@ -221,9 +250,9 @@ def forward(kinds: tuple[str, ...], pressed: bool = False):
                 l1 = wp.length(e)
                 t1 = e / wp.max(l1, TINY)
                 if S.clamped[i, k] + S.clamped[i + 1, k] < 2:
-                    f = strains(t0, t1, wp.max(l0, TINY), wp.max(l1, TINY), T.d[i, k], T.d[i + 1, k], T.phi[i + 1, k])
-                    T.phi[i + 1, k] = f.s[2]
-                    w = flex(S, w, f, i + 1, k)
+                    s = strains(t0, t1, wp.max(l0, TINY), wp.max(l1, TINY), T.d[i, k], T.d[i + 1, k], T.phi[i + 1, k])
+                    T.phi[i + 1, k] = s.s[2]
+                    w = flex(S, w, s, i + 1, k)
                 l0 = l1
                 t0 = t1
             w = eliminate(T, w, i, k)

@@ -31,6 +31,21 @@ def test_a_strand_goes_where_it_does_on_a_cpu(shape):
     assert all(np.array_equal(a, b) for a, b in zip(one, fallen("cuda:0", shape), strict=True))
 
 
+def test_a_hair_in_the_wind_goes_where_it_does_on_a_cpu():
+    from tests.physics.rods.test_air import hair
+
+    def blown(device: str) -> tuple[np.ndarray, np.ndarray]:
+        made, rods = hair(1, gravity=(0.0, -9.81, 0.0))
+        rods.pin("/root", [7, 8])
+        made.wind, made.air_drag = (5.0, 0.0, 1.0), 0.5
+        simulation = Simulation(made, device=device)
+        simulation.run(6)
+        return simulation.plan.method("rods").points(0)
+    one, other = blown("cuda:0"), blown("cpu")
+    assert np.abs(one[0] - other[0]).max() < 1e-5
+    assert all(np.array_equal(a, b) for a, b in zip(one, blown("cuda:0"), strict=True))
+
+
 def test_ropes_that_are_thrown_at_each_other_go_as_on_a_cpu():
     """Held by their ends, at 10 m/s; the same bits from run to run, and never passed."""
     from tests.physics.rods.test_touch import linked, thrown

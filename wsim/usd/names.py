@@ -142,6 +142,8 @@ OTHERS = (
     Entry("Rods", "diameters", CURVES_SIM, "physics:thicknesses", "float[]", "m"),
     Entry("Rods", "masses", CURVES_SIM, "physics:masses", "float[]", "kg"),
     Entry("Rods", "self_collision", WSIM_RODS, "wsim:selfCollision", "bool", uniform=True),
+    Entry("Rods", "drag", WSIM_RODS, "wsim:drag", "double"),
+    Entry("Rods", "skin_drag", WSIM_RODS, "wsim:skinDrag", "double"),
     Entry("RodMaterial", "young", CURVES_MATERIAL, "physics:youngsModulus", "float", "Pa"),
     Entry("RodMaterial", "poisson", CURVES_MATERIAL, "physics:poissonsRatio", "float"),
     Entry("RodMaterial", "stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),

@@ -26,7 +26,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     for name in ("stretch", "bend", "twist"):
         if (value := getattr(rods, name)) is not None:
             yield from number(path, name, value, 0.0, name == "stretch")
-    for name in ("static_friction", "dynamic_friction"):
+    for name in ("static_friction", "dynamic_friction", "drag", "skin_drag"):
         yield from number(path, name, getattr(rods, name), 0.0)
     if wrong:
         return
@@ -36,9 +36,8 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
         if isinstance(c.shape, Surface) and c.shape.poses is not None:
             yield warning(path, f"the mesh {c.path} deforms, and strands meet its shape at the start", "rigid colliders",
                           "animate the prim, not its points")
-    if scene.air_drag or np.any(scene.wind):
-        yield warning(path, "strands feel neither the wind nor the drag of the air", "neither",
-                      "leave them out where they are not meant for others")
+    if np.any(scene.wind) and not (rods.drag or rods.skin_drag):
+        yield warning(path, "strands do not feel the wind: drag and skin_drag are 0", "numbers > 0", "author wsim:drag")
     if scene.bodies() or scene.things("Body"):
         yield warning(path, "strands pass through cloth, soft bodies and rigid bodies", "colliders",
                       "give what they shall meet as a collider")

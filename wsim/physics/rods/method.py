@@ -16,6 +16,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rods.colliders import Obstacles
 from wsim.physics.rods.tables import Table
+from wsim.scene import Scene
 from wsim.scene.samples import Points, Sample
 
 FIELDS = (Field("x", "m", True, "position relative to the strand's first point at the start", "vec3d"),
@@ -39,9 +40,15 @@ def signature(b) -> list:
     return []                                            # kernels stand in modules of their own
 
 
-def module(names: tuple[str, ...]) -> str:
-    """Module of the kernel that meets colliders of such kinds."""
-    return "_".join(("wsim_rods", *names))
+def module(names: tuple[str, ...], airy: bool, touching: bool) -> str:
+    """Module of the kernels that meet colliders of such kinds, air, other strands."""
+    return "_".join(("wsim_rods", *names, *("air",) * airy, *("touch",) * touching))
+
+
+def airy(scene: Scene) -> bool:
+    """True if the air acts on rods of a scene."""
+    return bool(scene.air_drag) or any(v.name == "air_drag" for v in scene.varying) or any(
+        rods.drag or rods.skin_drag for rods in scene.things("Rods"))
 
 
 class Strands(Method):
@@ -59,7 +66,8 @@ class Strands(Method):
         self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)
         names = self.obstacles.kinds
         touching = any(rods.self_collision for rods in b.scene.things("Rods"))
-        own = module(names) + "_touch" * touching
+        self.airy = airy(b.scene)
+        own = module(names, self.airy, touching)
         b.model.modules[own] = THREADS
         self._allocate(b)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
@@ -67,13 +75,15 @@ class Strands(Method):
         self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
         self.touching = self._touching(own, b.status) if touching else None
         self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
+        if self.airy:
+            self._breathe(b.scene)
         points = sum(len(r.points) for r, _ in t.pairs)
         what = f"{t.strands} strands of {points} points, {self.substeps} substeps of "
         if self.touching:
             self.stages.append(Stage("rods", "predict", self.touching.advance, 30 * self.substeps, self.part.bytes, "frame",
                                      what + "BDF2, or backward Euler where they touch, float64; contact of edges, and a proof"))
             return
-        self.kernel = strands(names, own)
+        self.kernel = strands(names, self.airy, own)
         self.stages.append(Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame",
                                  what + "BDF2 in one launch, float64"))
 
@@ -112,6 +122,13 @@ class Strands(Method):
             self.strands.gravity.assign(found)
         else:
             self.strands.gravity = wp.array(found, dtype=wp.vec3d, device=self.model.device)
+
+    def _breathe(self, scene: Scene) -> None:
+        """Tables of the air."""
+        t, device, S = self.table, self.model.device, self.strands
+        S.wind = wp.array(np.tile(np.asarray(scene.wind, np.float64), (t.strands, 1)), dtype=wp.vec3d, device=device)
+        S.decay = wp.array(np.full(t.strands, scene.air_drag), dtype=wp.float64, device=device)
+        S.across, S.along = (wp.array(v, dtype=wp.float64, device=device) for v in t.air(scene.air_density))
 
     # frames
 
@@ -182,4 +199,12 @@ class Strands(Method):
             gravity[slice(None) if world is None else world] = value
             self.weigh(gravity)
             return True
-        return False
+        array = {"wind": self.strands.wind, "air_drag": self.strands.decay}.get(name) if path == "/" else None
+        if array is None:
+            return False
+        values = array.numpy()
+        for own, (_, of) in zip(self.table.own, self.table.pairs, strict=True):
+            if world in (None, of):
+                values[own] = value
+        array.assign(values)
+        return True

@@ -122,6 +122,15 @@ class Table:
             M = self.pins[pin].motion.at(0.0)
             self.held[row] = pin, place, np.linalg.inv(M[:3, :3]) @ self.d[i, k]
 
+    def air(self, density: float) -> tuple[np.ndarray, np.ndarray]:
+        """Drag of edges over the speed squared, across and along [kg/m]; density: of the air [kg/m^3] (kernels/rods/air.py)."""
+        size = self.values["length"].copy()
+        size[:-1] *= self.values["radius"][:-1] + self.values["radius"][1:]
+        c = np.zeros((2, self.strands))
+        for own, (rods, _) in zip(self.own, self.pairs, strict=True):
+            c[:, own] = np.array([rods.drag, np.pi * rods.skin_drag])[:, None]
+        return 0.5 * density * c[0] * size, 0.5 * density * c[1] * size
+
     # on the device
 
     def strands_on(self, device) -> tables.Strands:

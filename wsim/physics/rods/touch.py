@@ -45,7 +45,8 @@ class Touching:
         self.enlist, self.order, self.recall = touch.lists(module)
         self.ready, self.press, self.gather = touch.ready(module), touch.press(module), touch.gather(module)
         self.across, self.keep = touch.across(module), touch.keep(module)
-        (self.begin, self.begin_worlds, self.assemble, self.measure, self.judge, self.take) = coupled.newton(names, module)
+        (self.begin, self.begin_worlds, self.assemble, self.measure, self.judge, self.take) = coupled.newton(
+            names, strands.airy, module)
         (self.start, self.apply, self.length, self.step, self.turn, self.aim, self.finish) = conjugate.gradients(module)
         self.displace, self.settle, self.end, self.touched, self.remember = ends(names, module)
         self.zeros = partial(wp.zeros, device=device)

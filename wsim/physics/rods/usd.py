@@ -21,6 +21,7 @@ from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms import author_motion, placement
 
 STIFF = ("stretch", "bend", "twist")
+OWN = ("self_collision", "drag", "skin_drag")           # of WsimRodsAPI
 
 
 def simulates(prim: Usd.Prim) -> bool:
@@ -55,7 +56,9 @@ def load_rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
     _material(reading, prim, rods)
     rods.masses = _masses(reading, prim, body, rods)
     rods.static_friction, rods.dynamic_friction = load_friction(reading, prim)
-    rods.self_collision = bool(read(prim, "Rods", "self_collision", units))
+    for field in OWN:
+        if (value := read(prim, "Rods", field, units)) is not None:
+            setattr(rods, field, value)
     return rods
 
 
@@ -140,9 +143,11 @@ def author(stage: Usd.Stage, rods: Rods, units: Units) -> None:
     for field in ("points", "counts", "velocities", "rest_points", "directors", "rest_directors", "diameters", "masses"):
         if (value := getattr(rods, field)) is not None:
             write(prim, "Rods", field, value, units)
-    if rods.self_collision:
+    own = {field: value for field in OWN if (value := getattr(rods, field))}
+    if own:
         prim.AddAppliedSchema(names.WSIM_RODS)
-        write(prim, "Rods", "self_collision", True, units)
+    for field, value in own.items():
+        write(prim, "Rods", field, value, units)
     d = np.asarray(rods.diameters, np.float64)
     curves.CreateWidthsAttr((d / units.metres).astype(np.float32).tolist())
     curves.SetWidthsInterpolation(UsdGeom.Tokens.constant if len(d) == 1 else UsdGeom.Tokens.vertex)
