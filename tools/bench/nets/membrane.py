@@ -158,7 +158,7 @@ def sheet() -> Given:
 
 
 def shirt() -> Given:
-    """The garment of scenes/shirt.usda hung by its collar, three frames of 1/60 s: 0.05 s, to which halved steps agree by 1e-7 m.
+    """The garment of scenes/shirt.usda hung by its collar, three frames of 1/60 s, to which halved steps agree by 1e-7 m.
     Without bending rounding decides where it buckles: at 0.067 s float64 agrees with itself by 2e-5, at 0.125 s by 6e-4."""
     from wsim.usd import load
     cloth = load(str(ROOT / "scenes" / "shirt.usda")).cloths[0]
