@@ -132,7 +132,7 @@ def _sizes(J: np.ndarray) -> np.ndarray:
 
 
 def largest(A: np.ndarray) -> np.ndarray:
-    """The highest eigenvalue of symmetric matrices (..., 3, 3), by angles (Smith 1961)."""
+    """The highest eigenvalue of symmetric matrices (..., 3, 3), by angles (Smith 1961); to 1e-8 of it where two are equal."""
     mean = np.trace(A, axis1=-2, axis2=-1) / 3.0
     B = A - mean[..., None, None] * np.eye(3)
     p = np.sqrt(np.sum(B * B, axis=(-2, -1)) / 6.0)
