@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tools.bench.nets import reference
+from tools.bench.nets import garments, membrane, reference
 from tools.bench.nets.converged import converged
 from tools.bench.nets.reference import Net, rms
-from wsim.scene import Scene
+from wsim.scene import Scene, shapes
 
 FRAME = 1.0 / 60.0
 
@@ -146,3 +146,42 @@ def test_what_the_reference_does_not_know_is_refused():
         reference.exact(net, (0.02,))
     with pytest.raises(ValueError, match="allowed is"):
         converged(net, (0.1,), FRAME, "midpoint")
+
+
+# membranes, and what garments are judged by
+
+def test_a_stretched_triangle_is_pulled_down_its_energy():
+    """The first step against differences of U = A (mu / 2 (tr F^T F - 2) + (lambda + mu) / 2 (J - a)^2)."""
+    body = membrane.Membrane(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.03, 0.08, 0.02]]), np.array([[0, 1, 2]]),
+                             np.array([0]), (0.0, 0.0, 0.0))
+    body.inverse = body.inverse @ np.array([[0.9, 0.05], [0.0, 0.8]])          # which it is not at rest with
+
+    def energy(x):
+        F = (x[1:] - x[0]).T @ body.inverse[0]
+        J = np.linalg.norm(np.cross(F[:, 0], F[:, 1]))
+        whole = body.lame + body.mu
+        return body.areas[0] * (0.5 * body.mu * (np.trace(F.T @ F) - 2.0) + 0.5 * whole * (J - 1.0 - body.mu / whole)**2)
+    steps = 1e-6 * np.eye(9).reshape(9, 3, 3)
+    slope = np.array([energy(body.points + d) - energy(body.points - d) for d in steps]).reshape(3, 3) / 2e-6
+    h = 1e-6
+    moved = body.trajectory(1, 1, h, "cpu")[0] - body.points
+    assert np.array_equal(moved[0], np.zeros(3))
+    assert moved[1:] == pytest.approx(-0.5 * h * h * slope[1:] / body.masses[1:, None], rel=1e-4)
+
+
+def test_a_peak_is_the_largest_strain_of_an_edge_in_the_authors_order():
+    """One point of 81 goes up by half the spacing above it: that edge has strain 1/2, whatever order solvers have."""
+    scene = Scene()
+    points, counts, indices = shapes.sheet(0.8, 0.8, 8, 8, cut="quads")
+    cloth = scene.cloth("/sheet", points, counts, indices)
+    x = points.copy()
+    x[13, 1] -= 0.05
+    assert garments.peak(cloth, points) == pytest.approx(0.0, abs=1e-6)
+    assert garments.peak(cloth, x) == pytest.approx(0.5, rel=1e-5)
+
+
+def test_refined_shirts_hang_on_a_dummy_that_sways():
+    found = garments.shirt(1)
+    assert len(found.cloths[0].points) == 25610
+    start, quarter, turn = (found.colliders[0].motion.at(t) for t in (0.0, 0.25 / garments.RATE, 3.0 / garments.RATE))
+    assert quarter[0, 3] - start[0, 3] == pytest.approx(garments.SWAY) and np.allclose(turn, start, atol=1e-12)

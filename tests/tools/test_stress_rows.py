@@ -153,7 +153,8 @@ def test_a_dead_process_is_seen():
 
 
 @pytest.mark.parametrize("name", ["springs 1e9", "membrane 1e-3", "scrambled, membrane", "shuffled, springs",
-                                  "through the sheet", "yanked", "1 km/s", "coincident, rest > 0", "needles 1:100"])
+                                  "through the sheet", "yanked", "1 km/s", "coincident, rest > 0", "needles 1:100",
+                                  "slivers 1:100", "slivers 1:100000", "buttons", "twelve decades"])
 def test_the_abuse_ends_finite_and_recovers(name):
     short = replace(row(name), settle=min(row(name).settle, 240))
     found = run.case(short, SWEEPS, "cpu")

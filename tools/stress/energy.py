@@ -20,6 +20,7 @@ from wsim.geometry import topology
 from wsim.model.model import Body, make_body
 from wsim.physics.cloth import bending
 from wsim.physics.cloth.kinds.membrane import flat
+from wsim.physics.cloth.painted import factors
 from wsim.scene import Cloth, Scene, Soft, Springs
 
 
@@ -33,7 +34,7 @@ class Elastic:
     triangles: np.ndarray        # (t, 3)
     inverse: np.ndarray          # Dm^-1 [1/m], (t, 2, 2)
     areas: np.ndarray            # [m^2], (t,)
-    moduli: tuple[float, float, float]       # stretch, shear [N/m], poisson
+    moduli: tuple        # stretch, shear [N/m], of all or of each triangle (t,); poisson
     hinges: np.ndarray           # (q, 4)
     bends: np.ndarray            # of hinges alone that are at least as stiff [J], (q,)
     heights: np.ndarray          # of the free corners over the hinge at rest [m], (q, 2)
@@ -133,8 +134,9 @@ def _elastic(source: Cloth | Springs, body: Body, held: np.ndarray) -> Elastic:
     pinned[held] = True
     coupling, inverse = bending.coupling(rest, bending.patches(rest, triangles, hinges, pinned))
     bends = fabric.bend / inverse
+    times = 1.0 if source.stretches is None else factors(source, body.polygon)[good]
     return Elastic(edges[kept], lengths[kept], np.zeros(int(kept.sum())), triangles[good], np.linalg.inv(Dm[good]),
-                   areas[good], (fabric.stretch, fabric.shear, fabric.poisson), hinges, bends,
+                   areas[good], (times * fabric.stretch, times * fabric.shear, fabric.poisson), hinges, bends,
                    double / base[:, None], weights, masses, coupling if len(hinges) else None)
 
 

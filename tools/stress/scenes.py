@@ -169,6 +169,51 @@ def needles(ratio: float) -> Scene:
     return scene
 
 
+def slivers(height: float) -> Scene:
+    """Every eighth triangle has a point at the middle of an edge, off it by so much of its height."""
+    scene = sheet()
+    cloth = scene.cloths[0]
+    points, faces = cloth.points.astype(float), cloth.indices.reshape(-1, 3)
+    a, b, c = (points[faces[::8, k]] for k in range(3))
+    middle, (i, j, k), new = 0.5 * (a + b), faces[::8].T, len(points) + np.arange(len(a))
+    cut = np.stack([i, j, new, j, k, new, k, i, new], axis=1).reshape(-1, 3)
+    return _meshed(np.concatenate([points, middle + height * (c - middle)]), np.concatenate([np.delete(
+        faces, np.s_[::8], axis=0), cut]))
+
+
+def buttons(size: float) -> Scene:
+    """A square of so much [m], a thousand times as stiff, in the middle of every fourth cell of a metre of cloth."""
+    points, _, faces = shapes.sheet(2.0 * SIDE, 2.0 * SIDE, CELLS, CELLS, cut="quads")
+    corners = faces.reshape(-1, 4)[::4]
+    x = points[corners]
+    middle = x.mean(axis=1, keepdims=True)
+    a, b = corners, len(points) + np.arange(4 * len(corners)).reshape(-1, 4)
+    rims = [[a[:, k], a[:, (k + 1) % 4], b[:, (k + 1) % 4], b[:, k]] for k in range(4)]
+    quads = np.concatenate([np.delete(faces.reshape(-1, 4), np.s_[::4], axis=0), *(np.stack(r, axis=1) for r in rims), b])
+    points = np.concatenate([points, (middle + 0.5 * size * np.sign(x - middle) * (1.0, 1.0, 0.0)).reshape(-1, 3)])
+    scene = _meshed(points, np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]))
+    stiff = np.arange(len(quads)) >= len(quads) - len(b)
+    scene.cloths[0].stretches = np.where(np.tile(stiff, 2), 1e3 * STRETCH, STRETCH).astype(np.float32)
+    return scene
+
+
+def _meshed(points, faces) -> Scene:
+    """A hanging sheet of other triangles (t, 3), whose first points are the top row."""
+    scene = Scene(gravity=(0.0, -G, 0.0), fps=60.0)
+    fabric = Fabric(stretch=STRETCH, shear=0.3 * STRETCH, density=DENSITY / 1e-3)
+    points = points.astype(np.float32)                    # as solvers see them: rounding makes slivers flat
+    scene.pin("/pin", scene.cloth("/sheet", points, np.full(len(faces), 3), faces.ravel(), material=fabric), TOP)
+    return scene
+
+
+def decades() -> Scene:
+    """A sheet without weight whose faces have 1e-3 to 1e9 N/m, in no order."""
+    scene = sheet(gravity=0.0)
+    count = len(scene.cloths[0].counts)
+    scene.cloths[0].stretches = 10.0**np.random.default_rng(3).permutation(np.linspace(-3.0, 9.0, count)).astype(np.float32)
+    return scene
+
+
 def heavy(ratio: float, last: bool) -> Scene:
     """Ten points of 1 g, the lowest (or the first below the pin) `ratio` times as heavy; springs strain by 1 %."""
     masses = np.full(11, 1e-3)

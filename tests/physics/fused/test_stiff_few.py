@@ -1,5 +1,6 @@
 """Mass for the points of slivers: how much, for how much longer steps, and what stays."""
 
+import numpy as np
 import pytest
 
 import wsim
@@ -50,3 +51,30 @@ def test_a_mesh_of_like_triangles_and_other_solvers_keep_their_masses(settings):
     sim = wsim.Simulation(scene, device="cpu")
     assert sim.model.bodies[0].masses.sum() == pytest.approx(FABRIC.density * FABRIC.thickness, rel=1e-9)
     assert "more mass" not in sim.plan.choice.why
+
+
+def test_the_highest_eigenvalue_of_symmetric_matrices_is_lapacks():
+    B = np.random.default_rng(1).normal(size=(50, 3, 3))
+    A = B @ B.swapaxes(1, 2)
+    A[:3] = np.diag([2.0, 2.0, 2.0]), np.diag([1.0, 5.0, 5.0]), np.zeros((3, 3))
+    root = 1e-8                                             # of rounding, by which an angle errs where two are equal
+    assert frequency.largest(A) == pytest.approx(np.linalg.eigvalsh(A)[:, -1], rel=root, abs=1e-300)
+
+
+def test_curvatures_of_triangles_are_sums_over_their_hinges():
+    """J of each triangle, place by place, against the sum over slots and corners; a point of two hinges stands once."""
+    slot, ids = np.array([[0, 1, -1], [1, 2, 0]]), np.array([[0, 1, 2, 3], [2, 1, 4, 0], [4, 2, 5, 1]])
+    rng = np.random.default_rng(2)
+    value, J = rng.normal(size=(2, 3, 3)), rng.normal(size=(3, 4, 3))
+    points, found = frequency.curvature(slot, value, ids, J)
+    for t in range(2):
+        dense = np.zeros((3, 6, 3))
+        for s, q in enumerate(slot[t]):
+            for k in range(4 * (q >= 0)):
+                dense[:, ids[q, k]] += value[t, s][:, None] * J[q, k]
+        again = np.zeros_like(dense)
+        for place, p in enumerate(points[t]):
+            again[:, p] += found[t, :, place]
+        assert again == pytest.approx(dense, rel=1e-12, abs=1e-14)
+        used = points[t][np.abs(found[t]).sum(axis=(0, 2)) > 0]
+        assert len(np.unique(used)) == len(used)

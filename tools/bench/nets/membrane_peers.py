@@ -37,6 +37,7 @@ from wsim.simulation.simulation import Simulation  # noqa: E402
 EXPLICIT = "semi_implicit"                     # as peer_newton.py has it, symplectic Euler
 TIMED = 15                                     # frames that are run for their time
 KEY = "error"
+TOLERANCE = 1e-6                               # [m] of the exact trajectories
 LEFT_OUT = {"SolverXPBD": "reads springs, no triangles: a sheet of triangles falls freely",
             "SolverStyle3D": "wants panels in a plane, and has energies of its own for warp, weft and bending"}
 VBD = ((1, 20), (4, 10), (10, 10), (20, 5), (20, 20), (40, 10), (100, 4), (200, 2), (400, 1), (400, 4))
@@ -73,7 +74,7 @@ class Problem:
         fine = replace(self.scene, solver="explicit", integrator="leapfrog")
         self.stable = stable(fine, device)
         x, error = kept(Path(folder) / f"membrane_{name}_{len(points)}_{self.stable}_{self.frames}.npz",
-                        lambda: self.theirs.exact(self.stable, self.frames, self.frame, 1e-6))
+                        lambda: self.theirs.exact(self.stable, self.frames, self.frame, TOLERANCE, device))
         ends = []
         for k in (2, 4):
             sim = Simulation(replace(fine, substeps=k * self.stable), device=device, precision="float64")

@@ -67,16 +67,15 @@ def curvature(slot: np.ndarray, value: np.ndarray, ids: np.ndarray, J: np.ndarra
     order = np.argsort(points, axis=1, kind="stable")
     points = np.take_along_axis(points, order, axis=1)
     new = np.diff(points, axis=1, prepend=-1) != 0
-    place = np.empty_like(order)
-    np.put_along_axis(place, order, np.cumsum(new, axis=1) - 1, axis=1)
+    place = np.cumsum(new, axis=1) - 1
+    each = (value[:, :, None, :, None] * J[slot][:, :, :, None, :]).reshape(*points.shape, 9)
+    firsts = np.flatnonzero(new)                                       # of the places of one point, which follow each other
     width = int(place.max(initial=0)) + 1
-    found, whole = np.zeros((len(slot), 3, width, 3)), np.zeros((len(slot), width), points.dtype)
-    np.put_along_axis(whole, np.cumsum(new, axis=1) - 1, points, axis=1)
-    each, at = np.arange(len(slot)), place.reshape(*slot.shape, 4)
-    for s in range(slot.shape[1]):
-        for k in range(4):
-            found[each, :, at[:, s, k]] += value[:, s, :, None] * J[slot[:, s], None, k]
-    return whole, found
+    found, whole = np.zeros((len(slot), width, 9)), np.zeros((len(slot), width), points.dtype)
+    at = firsts // points.shape[1], place.ravel()[firsts]
+    found[at] = np.add.reduceat(np.take_along_axis(each, order[..., None], axis=1).reshape(-1, 9), firsts, axis=0)
+    whole[at] = points.ravel()[firsts]
+    return whole, found.reshape(*whole.shape, 3, 3).swapaxes(1, 2)
 
 
 def solids(body: Body, parts: list | None) -> Iterator[Stiffness]:
@@ -129,7 +128,16 @@ def _sizes(J: np.ndarray) -> np.ndarray:
     direction only, Frobenius', which costs little."""
     if J.shape[1] == 1 or J.shape[2] > 3:
         return np.sqrt(np.einsum("mrki,mrki->mk", J, J))
-    return np.linalg.norm(J.swapaxes(1, 2), 2, (2, 3))
+    return np.sqrt(largest(np.einsum("mrki,mrkj->mkij", J, J)))
+
+
+def largest(A: np.ndarray) -> np.ndarray:
+    """The highest eigenvalue of symmetric matrices (..., 3, 3), by angles (Smith 1961); to 1e-8 of it where two are equal."""
+    mean = np.trace(A, axis1=-2, axis2=-1) / 3.0
+    B = A - mean[..., None, None] * np.eye(3)
+    p = np.sqrt(np.sum(B * B, axis=(-2, -1)) / 6.0)
+    r = np.linalg.det(B / np.where(p > 0.0, p, 1.0)[..., None, None]) / 2.0
+    return mean + 2.0 * p * np.cos(np.arccos(np.clip(r, -1.0, 1.0)) / 3.0)
 
 
 def bound(model: Model, parts: list | None = None) -> tuple[float, float]:
