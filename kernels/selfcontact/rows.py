@@ -27,19 +27,26 @@ CALM = 1e-4            # if it slips and errs by less than this over the substep
 
 @cache
 def lean(real, module):
-    """Kernel: which of the pairs within reach take part in the sweeps to come: what pushes, and what is
-    nearer than it is to be. Their weights are summed up by point. Each of `threads` takes every threads-th pair."""
+    """Kernel: which of the pairs within reach take part in the sweeps to come; their weights are summed up by point. all 0:
+    those that err by less than SMALL and `calm` do not. Each of `threads` takes every threads-th pair."""
+    t = types(real)
     Pairs, State, Sums = pairs.lists(real), states(real), pairs.sums(real)
 
     @wp.func
-    def ask(at: State, climb: real, i: int, near: Pairs, to: Sums):
+    def ask(at: State, climb: real, calm: real, all: int, i: int, near: Pairs, to: Sums):
         ids = near.ids[i]
         b = near.b[i]
         n = near.n[i]
         C = near.away[i] - wp.min(near.keep[i], near.away[i] + climb)
+        slip = t.vec3()
         for k in range(4):
             C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
-        if C < real(0.0) or wp.dot(near.push[i], n) > real(0.0):
+            slip += b[k] * (at.d[ids[k]] - at.a[ids[k]])
+        lam = wp.dot(near.push[i], n)
+        small = wp.min(real(SMALL) * near.keep[i], calm)
+        if all > 0:
+            small = real(0.0)
+        if C < -small or (lam > real(0.0) and (all > 0 or C > small or wp.length(slip - wp.dot(slip, n) * n) > small)):
             near.on[wp.atomic_add(near.active, 0, 1)] = i
             for k in range(4):
                 share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
@@ -47,10 +54,10 @@ def lean(real, module):
                     wp.atomic_add(to.share, ids[k], share)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lean_pairs(at: State, climb: real, threads: int, near: Pairs, to: Sums):
+    def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near: Pairs, to: Sums):
         j = wp.tid()
         while j < near.rows[0]:
-            ask(at, climb, near.row[j], near, to)
+            ask(at, climb, calm, all, near.row[j], near, to)
             j += threads
 
     return lean_pairs
@@ -58,8 +65,8 @@ def lean(real, module):
 
 @cache
 def press(real, module):
-    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'. all 0: what errs
-    by less than SMALL and `calm` is left for the last sweep. threads: as `lean`."""
+    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'. threads: as
+    `lean`."""
     t = types(real)
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
     fixed = pairs.fixed(real)
@@ -70,18 +77,17 @@ def press(real, module):
         lam = wp.dot(push, n)
         T = push - lam * n
         lam = wp.max(lam - real(pairs.OVER) * C / W, real(0.0))
-        T = T - slip / W
+        T = T - (slip - wp.dot(slip, n) * n) / W
         size = wp.length(T)
         if size > mu[0] * lam:
             T = (mu[1] * lam / size) * T
         return lam * n + T
 
     @wp.func
-    def one(s: Surfaces, at: State, climb: real, calm: real, all: int, i: int, near: Pairs, to: Sums):
+    def one(s: Surfaces, at: State, climb: real, i: int, near: Pairs, to: Sums):
         ids = near.ids[i]
         b = near.b[i]
         n = near.n[i]
-        push = near.push[i]
         W = real(0.0)
         C = near.away[i] - wp.min(near.keep[i], near.away[i] + climb)
         slip = t.vec3()
@@ -92,24 +98,18 @@ def press(real, module):
             C += b[k] * wp.dot(n, at.d[q] - at.e[q])
             slip += b[k] * (at.d[q] - at.a[q])
             mu += real(0.5) * wp.abs(b[k]) * s.friction[q]
-        if not (W > real(0.0)):
-            return
-        slip = slip - wp.dot(slip, n) * n
-        pushes = wp.dot(push, n) > real(0.0)
-        small = wp.min(real(SMALL) * near.keep[i], calm)
-        if all > 0:
-            small = real(0.0)
-        if C < -small or (pushes and (all > 0 or C > small or wp.length(slip) > small)):
+        if W > real(0.0):
+            push = near.push[i]
             then = after(n, push, C, W, slip, mu)
             near.push[i] = then
             for k in range(4):
                 fixed(to, ids[k], (s.w[ids[k]] * b[k]) * (then - push))
 
     @wp.kernel(module=module, enable_backward=False)
-    def press_pairs(s: Surfaces, at: State, climb: real, calm: real, all: int, threads: int, near: Pairs, to: Sums):
+    def press_pairs(s: Surfaces, at: State, climb: real, threads: int, near: Pairs, to: Sums):
         j = wp.tid()
         while j < near.active[0]:
-            one(s, at, climb, calm, all, near.on[j], near, to)
+            one(s, at, climb, near.on[j], near, to)
             j += threads
 
     return press_pairs

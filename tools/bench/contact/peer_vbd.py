@@ -26,17 +26,16 @@ KE, KD = 1.0e3, 1.0e-1                   # of contacts, the example's
 
 @wp.kernel
 def move_ends(rows: wp.array(dtype=int), local: wp.array(dtype=wp.vec3), sign: wp.array(dtype=float),
-              angle: wp.array(dtype=float), height: wp.array(dtype=float), clock: wp.array(dtype=float), step: float,
-              a: wp.array(dtype=wp.vec3), b: wp.array(dtype=wp.vec3)):
-    """Both states' ends, linearly between frames; thread 0 counts on."""
+              path: wp.array(dtype=wp.vec2), clock: wp.array(dtype=float), step: float, a: wp.array(dtype=wp.vec3),
+              b: wp.array(dtype=wp.vec3)):
+    """Both states' ends, linearly between frames. path: angle and height at these."""
     i = wp.tid()
     t = clock[0] + step
-    k = wp.min(int(t), angle.shape[0] - 2)
+    k = wp.min(int(t), path.shape[0] - 2)
     s = t - float(k)
-    turn = sign[i] * ((1.0 - s) * angle[k] + s * angle[k + 1])
-    y = sign[i] * ((1.0 - s) * height[k] + s * height[k + 1])
-    p = wp.quat_rotate(wp.quat_from_axis_angle(wp.vec3(0.0, 1.0, 0.0), turn), local[i])
-    a[rows[i]] = p + wp.vec3(0.0, y, 0.0)
+    now = sign[i] * ((1.0 - s) * path[k] + s * path[k + 1])
+    p = wp.quat_rotate(wp.quat_from_axis_angle(wp.vec3(0.0, 1.0, 0.0), now[0]), local[i])
+    a[rows[i]] = p + wp.vec3(0.0, now[1], 0.0)
     b[rows[i]] = a[rows[i]]
 
 
@@ -75,8 +74,8 @@ class Twist:
         place, sign = p["rest"][rows], np.repeat([1.0, -1.0], [len(p["upper"]), len(p["lower"])])
         local = place - np.stack([0.0 * sign, sign * p["height"][0], 0.0 * sign], axis=1)
         self.ends = [wp.array(a, dtype=t, device=device) for a, t in (
-            (rows.astype(np.int32), int), (local.astype(np.float32), wp.vec3), (sign, float), (p["angle"], float),
-            (p["height"], float))]
+            (rows.astype(np.int32), int), (local.astype(np.float32), wp.vec3), (sign, float),
+            (np.stack([p["angle"], p["height"]], axis=1).astype(np.float32), wp.vec2))]
         self.clock, self.graph = wp.zeros(1, dtype=float, device=device), None
 
     def launch(self) -> None:
@@ -123,7 +122,7 @@ def measure(p: dict, substeps: int, iterations: int, device) -> tuple[list[dict]
                          "finite": bool(np.isfinite(x).all())})
             states.append(x)
             ms = []
-        if late or not rows[-1:] == [] and not rows[-1]["finite"]:
+        if late or (rows and not rows[-1]["finite"]):
             break
     return rows, states
 
