@@ -94,8 +94,8 @@ def windows(points: int, turns: float, seconds: float, sim: Simulation) -> tuple
             said = sim.plan.method("selfcontact").indicators(None, None)
             rms, most = twists.strain(rest, triangles, x)
             rows.append({"scene": "twist", "side": "wsim", "points": len(rest), "turns": float(twists.turns(done)),
-                         "ms": float(np.median(ms)), "ms_worst": max(ms), "strain_rms": rms, "strain_most": most, "first_s": first,
-                         "pairs_a_point": said["near_pairs"] / len(rest), **said})
+                         "ms": float(np.median(ms)), "ms_worst": max(ms), "first_s": first, "strain_rms": rms,
+                         "strain_most": most, "pairs_a_point": said["near_pairs"] / len(rest), **said})
             states.append(x.astype(np.float32))
             ms = []
         if late:
