@@ -3,7 +3,8 @@
     python tools/kernels.py SCENE ... [--device cuda:0|cpu] [--frames 3] [--after 2] [--top 25] [--json FILE]
 
 SCENE    a USD file; or pile:1000, settled:10000, pyramid:100, column:10 of tools/bench/rigid/speed.py; or plume:128,
-         cycle:128, direct:256, ball:128 of tools/bench/fluid/smoke.py (cells along an edge)
+         cycle:128, direct:256, ball:128 of tools/bench/fluid/smoke.py (cells along an edge); or twist:50000 of
+         tools/bench/contact/twists.py (points; 15 frames, then 30 a turn)
 
 A frame is run without a graph, launch after launch, and each kernel's time is what CUDA's events say (on a CPU, what the
 launch took): the sum is without the gaps between launches. `frame` is the median of
@@ -24,6 +25,7 @@ import warp as wp
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
+from tools.bench.contact import twists  # noqa: E402
 from tools.bench.fluid import smoke as fluids  # noqa: E402
 from tools.bench.rigid import speed  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
@@ -40,6 +42,8 @@ def scene_of(word: str):
         return replace(speed.SCENES[name](args), frames=1)
     if name in FLUIDS and size:
         return fluids.smoke(int(size), **FLUIDS[name])
+    if name == "twist" and size:
+        return twists.twist(int(size))
     if not Path(word).exists():
         sys.exit(f"{word}: no such file, and no scene of that name")
     from wsim import load

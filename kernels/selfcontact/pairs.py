@@ -75,7 +75,8 @@ def lists(real):
         past: wp.array(dtype=t.vec3)              # push of the substep before, 0 in the first of a list [m kg]
         rows: wp.array(dtype=int)                 # pairs that may meet in this substep, (1,): what sweeps are over
         row: wp.array(dtype=int)                  # them
-        on: wp.array(dtype=int)                   # 1: takes part in a sweep
+        active: wp.array(dtype=int)               # pairs that take part in sweeps, (1,)
+        on: wp.array(dtype=int)                   # them
         bad: wp.array(dtype=int)                  # 1: not certified; 2: it was closer than s already, and is let be
 
     return NearPairs
@@ -130,20 +131,22 @@ def fixed(real):
 
 @cache
 def settle_sums(real, module):
-    """Kernel: points go as pairs have summed up; the sums are zero again."""
+    """Kernel: points go as pairs have summed up; the sums are zero again. done 1: weights are, too; else the next sweep is of
+    the same pairs."""
     t = types(real)
     Sums = sums(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def add_sums(point: wp.array(dtype=int), d: wp.array(dtype=t.vec3), to: Sums, d_out: wp.array(dtype=t.vec3)):
+    def add_sums(point: wp.array(dtype=int), d: wp.array(dtype=t.vec3), done: int, to: Sums, d_out: wp.array(dtype=t.vec3)):
         i = point[wp.tid()]
         if to.share[i] > 0:
             scale = real(1.0 / SCALE)
             move = t.vec3(real(to.move[3 * i]), real(to.move[3 * i + 1]), real(to.move[3 * i + 2]))
             d_out[i] = d[i] + scale * move
-            to.share[i] = 0
             to.move[3 * i] = wp.int64(0)
             to.move[3 * i + 1] = wp.int64(0)
             to.move[3 * i + 2] = wp.int64(0)
+            if done > 0:
+                to.share[i] = 0
 
     return add_sums

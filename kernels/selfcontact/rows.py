@@ -27,8 +27,8 @@ CALM = 1e-4            # if it slips and errs by less than this over the substep
 
 @cache
 def lean(real, module):
-    """Kernel: which of the pairs within reach take part in a sweep; their weights are summed up by point. Each of `threads`
-    takes every threads-th pair."""
+    """Kernel: which of the pairs within reach take part in the sweeps to come; their weights are summed up by point. all 0:
+    those that err by less than SMALL and `calm` do not. Each of `threads` takes every threads-th pair."""
     t = types(real)
     Pairs, State, Sums = pairs.lists(real), states(real), pairs.sums(real)
 
@@ -42,20 +42,16 @@ def lean(real, module):
         for k in range(4):
             C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
             slip += b[k] * (at.d[ids[k]] - at.a[ids[k]])
-        on = int(0)
         lam = wp.dot(near.push[i], n)
         small = wp.min(real(SMALL) * near.keep[i], calm)
         if all > 0:
-            if C < real(0.0) or lam > real(0.0):
-                on = 1
-        elif C < -small or (lam > real(0.0) and (C > small or wp.length(slip - wp.dot(slip, n) * n) > small)):
-            on = 1
-        if on > 0:
+            small = real(0.0)
+        if C < -small or (lam > real(0.0) and (all > 0 or C > small or wp.length(slip - wp.dot(slip, n) * n) > small)):
+            near.on[wp.atomic_add(near.active, 0, 1)] = i
             for k in range(4):
                 share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
                 if share > 0:
                     wp.atomic_add(to.share, ids[k], share)
-        near.on[i] = on
 
     @wp.kernel(module=module, enable_backward=False)
     def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near: Pairs, to: Sums):
@@ -112,10 +108,8 @@ def press(real, module):
     @wp.kernel(module=module, enable_backward=False)
     def press_pairs(s: Surfaces, at: State, climb: real, threads: int, near: Pairs, to: Sums):
         j = wp.tid()
-        while j < near.rows[0]:
-            i = near.row[j]
-            if near.on[i] > 0:
-                one(s, at, climb, i, near, to)
+        while j < near.active[0]:
+            one(s, at, climb, near.on[j], near, to)
             j += threads
 
     return press_pairs

@@ -2,8 +2,8 @@
 
 A pair is listed where the axes of its two sides (kernels/selfcontact/tubes.py) may come nearer than what it keeps and two
 tubes' radii. Pairs that share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides,
-and at most REST times its distance in the rest shape: what is near by construction is not pushed apart. That limits forces
-only; no pair is left out of the proof for being near at rest.
+and at most REST times its distance in the rest shape: what is near by construction is not pushed apart, so that a flat cloth
+that is less thick than REST of its edges lists no pairs. No pair whose tubes meet is left out for being near at rest.
 """
 
 from functools import cache
@@ -78,17 +78,20 @@ def listing(real):
     def append(s: Surfaces, f: Frames, kind: int, ids: wp.vec4i, near: Pairs):
         i, j, k, o = ids[1], ids[2], ids[3], ids[0]
         keep = sides(kind, s.reach[o], s.reach[i], s.reach[j], s.reach[k])
-        most = keep + s.radius + sides(kind, length(f, o), length(f, i), length(f, j), length(f, k))
+        tubes = s.radius + sides(kind, length(f, o), length(f, i), length(f, j), length(f, k))
         b = s.body[o]
         same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
         c = f.start[o]
         p1, p2, p3 = f.start[i] - c, f.start[j] - c, f.start[k] - c
+        now = real(0.0)
         step = int(0)
         while step < 2:                                   # where they are, and at rest: a loop, so that it is compiled once
             away = distance(kind, p1, p2, p3)
-            if step == 0 and away > most:
-                return
-            if step == 1:
+            if step == 0:
+                if away > keep + tubes:
+                    return
+                now = away
+            else:
                 keep = wp.min(keep, real(REST) * away)
             step += 1
             if not same:
@@ -97,6 +100,8 @@ def listing(real):
             p1 = s.rest[i] - c
             p2 = s.rest[j] - c
             p3 = s.rest[k] - c
+        if now > keep + tubes:
+            return
         slot = wp.atomic_add(near.count, 0, 1)
         if slot < near.capacity:
             near.kind[slot] = kind

@@ -79,7 +79,7 @@ class Guarantee:
         near, data, points = self.near, self.surfaces.data, self.surfaces
         self.each(self.share, [data, at, near.pairs], [near.sums])
         self.each(self.project, [data, at, near.pairs], [near.sums])
-        self.model.launch(self.add, len(points.points), [data.point, d], [near.sums, d])
+        self.model.launch(self.add, len(points.points), [data.point, d, 1], [near.sums, d])
         self.certify(at)
         near.look(at)
         self.model.launch(self.proceed, 1, [], [near.words, 1, cut.ROUNDS])

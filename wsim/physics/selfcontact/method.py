@@ -30,8 +30,10 @@ if TYPE_CHECKING:
 
 SAID = "self-contact"  # status words, see kernels/selfcontact/cut.py
 SWEEPS, BEHIND, LAST = 3, 24, 24 # of contact rows: in an iteration of XPBD, behind another solver, behind XPBD's last
+THREADS = 1 << 18                # of a sweep on a GPU, at most: each takes more pairs, where there are more
 ROUNDS, MORE = 16, 3             # projections of what is not certified, at most; times as many in a frame that lost too much
 LOSS = 5                         # percent of its motion that a point may lose in a substep before the frame is repeated
+ANEW = 4                         # sweeps of XPBD over the same pairs; behind another solver each looks: what rests is calm
 RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of their thicknesses
 
 
@@ -126,14 +128,20 @@ class SelfContact(Method):
             self.settle.gather(clock)
 
     def sweep(self, clock: Clock, count: int) -> None:
-        """Sweeps over all pairs, each before one of the contacts of points with colliders, which what is pushed rests on."""
+        """Sweeps over the pairs that push, each before one of the contacts of points with colliders, which what is pushed rests
+        on."""
         near, data, at, climb, calm = self.near, self.surfaces.data, self.at(), RECOVERY * clock.h, rows.CALM * clock.h
         self.borrow()
-        threads = near.pairs.capacity if self.model.device.is_cuda else 1
+        threads = min(near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
+        anew = ANEW if self.within else 1
         for k in range(count):
-            self.model.launch(self.lean, threads, [at, climb, calm, int(k == count - 1), threads, near.pairs], [near.sums])
+            last = int(k == count - 1)
+            if k % anew == 0 or last:
+                near.pairs.active.zero_()
+                self.model.launch(self.lean, threads, [at, climb, calm, last, threads, near.pairs], [near.sums])
+            again = int(last or k == count - 2 or k % anew == anew - 1)
             self.model.launch(self.press, threads, [data, at, climb, threads, near.pairs], [near.sums])
-            self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, near.sums], [at.d])
+            self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, again, near.sums], [at.d])
             if self.contact:
                 self.give()
                 self.contact.project(clock)

@@ -71,7 +71,7 @@ class Near:
         self.pairs = filled(
             pairs.lists(self.model.real), capacity=capacity, count=wp.zeros(1, dtype=int, device=self.model.device),
             ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
-            rows=wp.zeros(1, dtype=int, device=self.model.device),
+            **{k: wp.zeros(1, dtype=int, device=self.model.device) for k in ("rows", "active")},
             **{k: zeros(dtype=t.scalar) for k in scalars}, **{k: zeros(dtype=t.vec3) for k in vectors})
         self.anew()
 

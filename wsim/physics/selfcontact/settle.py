@@ -64,7 +64,7 @@ class Settle:
     def add(self, v: wp.array) -> None:
         method = self.method
         point = method.surfaces.data.point
-        self.model.launch(method.guarantee.add, len(point), [point, v, method.near.sums], [v])
+        self.model.launch(method.guarantee.add, len(point), [point, v, 1, method.near.sums], [v])
 
     def sweep(self, v: wp.array) -> None:
         w, sums = self.method.surfaces.data.w, self.method.near.sums

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from wsim.physics.contact.contacts import Contacts
 
 SOFT = 0.1             # thickness of the skin of a soft body over its mean edge: none is authored
-TUBE = 0.75            # radius of tubes over the largest thickness; smaller: more searches, larger: more pairs
+TUBE = 0.65            # radius of tubes over the largest thickness; smaller: more searches, larger: more pairs
 TUBE_EDGE = 0.1        # and over the mean edge, if that is more
 WRITTEN = 1.05 * 2.0 ** -24              # bound of the rounding of a vector to float32 over its length, and a margin
 ULP = {np.float32: 2.0 ** -24, np.float64: 2.0 ** -53}
