@@ -9,6 +9,7 @@ CPU share in its own way (`part` of its kernel) is a phase of its own.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,7 +91,7 @@ class Text:
             else:
                 found.append(self.argument("c", ("number", number, a), kind, value))
         name = f"f{number}"
-        self.bodies[name] = op.kernel.part if item == PART else body(op.kernel)
+        self.bodies[name] = op.kernel.part if item == PART else body(op.kernel, number)
         return f"{name}({', '.join(found)})"
 
     def struct(self, number: int, a: int, variant: int, value, kind, changing: list[str], c: Column) -> str:
@@ -194,5 +195,7 @@ def make(program: Program, real, shape: Shape, module: str) -> tuple[wp.Kernel, 
             options |= {"launch_bounds": shape.threads}
         if shape.kind == CLUSTER:
             options |= {"cluster_dim": shape.blocks}
-        _MADE[key] = wp.Kernel(f, f"fused_{len(_MADE)}", wp.get_module(module), options, source=source)
+        called = [k.key for k in text.bodies.values()]
+        name = hashlib.sha256(str((source, *map(str, text.types.values()), called)).encode()).hexdigest()[:8]
+        _MADE[key] = wp.Kernel(f, f"fused_{name}", wp.get_module(module), options, source=source)
     return _MADE[key], text.given
