@@ -1,6 +1,6 @@
-"""CPU threads that take a launch of many phases together: each takes its share of a phase, and behind each phase all wait for
-each other. They come and go as kernels/motion/threads.py has it: the thread that launches leads, and is alone until all that are
-called have come; then they share the steps that are left. Helpers that are late or missing leave them to it.
+"""CPU threads that take a launch of many phases together: each takes its share of a phase, and behind each phase all wait
+for each other. They come and go as kernels/motion/threads.py has it: who launches leads, and is alone until all that are called
+have come; then they share the steps that are left. Helpers that are late or missing leave them to it.
 
     rank    = join(team)                                       0: of the one that leads; -1: nothing is left to do
     step    = since(team, rank)                                the first that it takes part in

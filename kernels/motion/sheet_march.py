@@ -21,8 +21,8 @@ from wsim.kernels.motion.march_cpu import BOUNDED, HOLD, MOVE, moving
 from wsim.kernels.motion.sheet_packets import sheet_of
 from wsim.kernels.motion.threads import APART, DONE, NEVER, STALLS, TEXTS, teams
 
-# A launch of its own is shared as kernels/motion/threads.py has it; else (among > 0) this is the part of thread `thread` of so many
-# that are in a launch already (kernels/motion/abreast.py).
+# A launch of its own is shared as kernels/motion/threads.py has it; else (among > 0) this is the part of thread `thread` of so
+# many that are in a launch already (kernels/motion/abreast.py).
 MEET = """
     unsigned turn = among > 0 ? look({done} + rank) : 2 * t;
     auto share = [&](int n, int r) {{ return (int)((long long)n * r / walkers); }};
@@ -151,14 +151,9 @@ def march(real, module, damped: bool, bounded: bool = False):
 
     substeps.inline_hint = "noinline"                    # it is compiled once
 
-    @wp.func
-    def part(thread: int, among: int, team: Team, c: Net, s: Sheet, step: Step, own: Team, p: Moving,
-             room: wp.array(dtype=vec4)):
-        substeps(thread, among, c, s, step, team, p, room)
-
     @wp.kernel(module=module, enable_backward=False)
     def march_sheet(c: Net, s: Sheet, step: Step, team: Team, p_out: Moving, room_out: wp.array(dtype=vec4)):
         substeps(0, 0, c, s, step, team, p_out, room_out)
 
-    march_sheet.part = part                              # of a thread of many, in another launch
+    march_sheet.part = substeps                          # of a thread of many, in another launch
     return march_sheet

@@ -121,7 +121,8 @@ LEAVE = """
 """
 _NUMBERS = {name: value for name, value in globals().items() if isinstance(value, int)}
 TEXTS = {name: text.format(**_NUMBERS) for name, text in
-         {"tools": TOOLS, "walk": WALK, "join": JOIN, "open": OPEN, "before": BEFORE, "after": AFTER, "form": FORM, "leave": LEAVE}.items()}
+         {"tools": TOOLS, "walk": WALK, "join": JOIN, "open": OPEN,
+          "before": BEFORE, "after": AFTER, "form": FORM, "leave": LEAVE}.items()}
 
 
 @cache

@@ -28,8 +28,8 @@ from wsim.simulation.simulation import Simulation
 for path in sys.argv[1:]:
     sim = Simulation(load(path), device="cpu")
     sim.step()
-    modules = [m for name in {sim.model.module, getattr(sim.model, "sweep_module", sim.model.module), sim.model.module + "_apart"}
-               for m in [wp.get_module(name)]]
+    name = sim.model.module
+    modules = [wp.get_module(n) for n in {name, getattr(sim.model, "sweep_module", name), name + "_apart"}]
     kernels = [k for m in modules for k in m.kernels.values()]
     adjoint = [k.key for k in kernels if k.options.get("enable_backward", k.module.options["enable_backward"])]
     print(json.dumps({"kernels": sorted(k.key for k in kernels), "adjoint": adjoint,
@@ -41,7 +41,7 @@ for path in sys.argv[1:]:
 
 # what every scene of cloth needs, by XPBD or by explicit steps among contacts
 POINTS = {"predict_euler", "finish_euler", "not_finite", "stretched"}
-LEAPS = {"begin", "commit", "correct", "fused", "settle", "stretched", "not_finite"}   # fused has air, contacts, `correct` in it
+LEAPS = {"begin", "commit", "correct", "fused", "settle", "stretched", "not_finite"}   # fused has air, contacts, `correct`
 PINS, AIR, APART = {"move_pins"}, {"press", "blow"}, {"sweeps"}            # APART: frames without contacts
 BEND = {"dihedral", "angle", "curvature", "target"}
 CLOTH = {"membrane"} | BEND

@@ -50,8 +50,8 @@ class Build:
 
     @property
     def free(self) -> bool:
-        """True if frames in which nothing can touch leave contacts out. Not on a CPU that takes the substeps of all that acts in
-        one launch: a second one, without contacts, costs more to compile than contacts that are far cost."""
+        """True if frames in which nothing can touch leave contacts out. Not on a CPU that takes substeps of all that acts in
+        one launch: another, without contacts, costs more to compile than contacts that are far cost."""
         if not self.reasons["contact"] or self.others_within and self.model.fuser and not self.model.device.is_cuda:
             return False
         from wsim.physics.contact.clearance import possible

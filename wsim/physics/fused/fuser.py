@@ -17,8 +17,8 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.motion.threads import MOST as MOST_THREADS
-from wsim.physics.cloth.kind import SPRINGS
 from wsim.model.structs import values
+from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.fused.program import Program, is_struct, longest, place
 from wsim.physics.fused.recorder import Op, Recorder, recorded
 from wsim.physics.fused.source import GRID, TEAM, Shape, make
@@ -109,8 +109,7 @@ class Fuser:
             _launch(step)
 
     def move_out(self, launched: set) -> None:
-        """Takes kernels that are parts of others, and not launched by themselves, out of a CPU's module: they need not be compiled.
-        """
+        """Takes kernels that are only parts of others out of a CPU's module: they need not be compiled by themselves."""
         module, other = (wp.get_module(self.model.module + end) for end in ("", "_apart"))
         for kernel in self.within - launched if self.teams else ():
             if module.kernels.pop(kernel.key, None) is kernel:
@@ -123,7 +122,7 @@ class Fuser:
         """Launches a kernel of so many substeps."""
         if shape.kind == GRID:
             self.word.zero_()
-        how = {"block_dim": shape.threads} if self.model.device.is_cuda else {}
+        how: dict[str, Any] = {"block_dim": shape.threads} if self.model.device.is_cuda else {}
         wp.launch(kernel, shape.lanes, [count, shape.lanes, self.word, *given], device=self.model.device, **how)
 
     def walk(self, kernel, given: list, shape: Shape, count: int) -> None:
@@ -139,7 +138,7 @@ class Fuser:
         """Form of the frame to come."""
         return self.clock.free, self.clock.starting, self.clock.after_free
 
-    def send(self) -> None:
+    def send(self, clock) -> None:
         """Sends other threads to the frame to come, if it is launched as one before."""
         if self.form() in self.sent:
             team, key, launch = self.sent[self.form()]

@@ -84,6 +84,8 @@ class Text:
             changing = [name for (p, at, name) in sorted(self.program.varying) if p == number and at == a]
             if value is None or isinstance(value, wp.array):
                 found.append(self.argument("a", ("array", place(value), str(kind)), kind, value))
+            elif item == PART and getattr(value, "_cls", None) is abreast.Team:
+                found.append("team")
             elif is_struct(value):
                 found.append(self.struct(number, a, variant, value, kind, changing, c))
             elif changing:
@@ -164,7 +166,7 @@ class Text:
                 f"    for k in range(count):\n{inner}\n")
 
 
-PART = "thread, lanes, team"
+PART = "thread, lanes"
 WAIT = {GRID: "turn = turn + 1\n        meet(word, turn)", TEAM: "meet(team, thread, lanes)"}
 TOGETHER = """def fused({arguments}):
     thread = join(team)

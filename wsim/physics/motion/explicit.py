@@ -270,10 +270,8 @@ class Explicit(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.pins is not None:
             self.target = self.net.target = self.pins.target["hard"]
-        for each in filter(None, (self.at_once, self.free)):
+        for each in filter(None, (self.at_once, self.free, self.model.fuser)):
             each.send(clock)
-        if self.model.fuser:
-            self.model.fuser.send()
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]."""
