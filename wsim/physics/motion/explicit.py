@@ -238,7 +238,7 @@ class Explicit(Method):
 
     def finish(self, clock: Clock) -> None:
         s, step = self.state, self.step(clock, 0.0, 0.0, self.at)
-        if len(self.integrator.steps) == 2 and (self.model.fuser or clock.k == clock.substeps - 1):      # all are alike, fused
+        if len(self.integrator.steps) == 2 and clock.substeps > 1 and (self.model.fuser or clock.k == clock.substeps - 1):
             self.model.copy(self.earlier, self.change)
         self.model.launch(self.correct, self.model.points, [self.points.at(d=s.d, a=s.a), self.pair, step],
                           [s.x, s.e, s.v, self.pair, self.change])
