@@ -41,7 +41,7 @@ def simulation(name: str, monkeypatch, count: int) -> wsim.Simulation:
 def test_any_number_of_threads_gives_the_bits_of_launch_by_launch(name, count, monkeypatch):
     want, sim = (simulation(name, monkeypatch, n) for n in (0, count))
     teams = list(sim.model.fuser.teams.values())
-    assert {team.count for team in teams} == {count} and sim.model.fuser.launched == 2 and want.model.fuser.launched == 0
+    assert {team.count for team in teams} == {count} and sim.model.fuser.launched >= 2 and want.model.fuser.launched == 0
     formed = 0
     for _ in range(8):
         want.step(), sim.step()
