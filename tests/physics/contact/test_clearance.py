@@ -11,9 +11,9 @@ import pytest
 import warp as wp
 
 from wsim.geometry.rotation import about_axis
+from wsim.model.launches import Launches
 from wsim.model.stage import FREE
 from wsim.physics.contact import clearance
-from wsim.model.launches import Launches
 from wsim.scene import Box, Capsule, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
