@@ -27,9 +27,9 @@ class _Thread(ast.NodeTransformer):
 
 
 @cache
-def body(kernel: wp.Kernel) -> wp.Function:
-    """The function of a kernel, inlined where it is called."""
-    f, number = kernel.func, body.cache_info().currsize
+def body(kernel: wp.Kernel, number: int) -> wp.Function:
+    """The function of a kernel, inlined where it is called; number: of those that one kernel calls."""
+    f = kernel.func
     copy = FunctionType(f.__code__, f.__globals__, f.__name__, f.__defaults__, f.__closure__)
     copy.__annotations__ = {THREAD: int, **kernel.adj.arg_types}
     copy.__module__, copy.__qualname__ = f.__module__, f.__qualname__

@@ -42,7 +42,9 @@ PULL = """
 WATCH = f"for (int l = 0; watched && l < 8; ++l) torn |= rest[l] > 0 && !(length[l] <= {MOST} * rest[l]);"
 # Numbers below 1e-38 count as 0 meanwhile: what dies away along an axis without forces would take four times the time.
 MARCH = """
-    {words}
+    {tools}
+    {walk}
+    {join}
     #if defined(__x86_64__)
     const unsigned modes = __builtin_ia32_stmxcsr();
     __builtin_ia32_ldmxcsr(modes | 0x8040);

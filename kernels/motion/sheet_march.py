@@ -19,10 +19,12 @@ from wsim.kernels.motion import sheet_packets as packets
 from wsim.kernels.motion.explicit import steps
 from wsim.kernels.motion.march_cpu import BOUNDED, HOLD, MOVE, moving
 from wsim.kernels.motion.sheet_packets import sheet_of
-from wsim.kernels.motion.threads import DONE, NEVER, TEXTS, teams
+from wsim.kernels.motion.threads import APART, DONE, NEVER, STALLS, TEXTS, teams
 
+# A launch of its own is shared as kernels/motion/threads.py has it; else (among > 0) this is the part of thread `thread` of so
+# many that are in a launch already (kernels/motion/abreast.py).
 MEET = """
-    unsigned turn = 2 * t;
+    unsigned turn = among > 0 ? look({done} + rank) : 2 * t;
     auto share = [&](int n, int r) {{ return (int)((long long)n * r / walkers); }};
     auto meet = [&] {{
         if (walkers == 1) return;
@@ -32,7 +34,10 @@ MEET = """
     }};
 """
 MARCH = """
-    {words}
+    {tools}
+    {walk}
+    if (among > 0) {{ rank = thread; walkers = among; }} else {{ {join} }}
+    {meet}
     #if defined(__x86_64__)
     const unsigned modes = __builtin_ia32_stmxcsr();
     __builtin_ia32_ldmxcsr(modes | 0x8040);
@@ -43,7 +48,9 @@ MARCH = """
     bool drag = false;
     for (int o = 0; o < c.decay.shape[0]; ++o) drag |= c.decay.data[o] != 0;
     const bool seen = {damped} || drag || !p.frame;
-    for (int i = 0; i <= places && rank == 0; ++i) {{
+    const int begin = among > 0 ? 8 * group[share(blocks, rank)] : 0;
+    const int stop = among > 0 ? 8 * group[share(blocks, rank + 1)] + (rank + 1 == walkers) : rank == 0 ? places + 1 : 0;
+    for (int i = begin; i < stop; ++i) {{
         const int o = i < places ? order[i] : -1;
         X[i] = D[i] = Q[i] = V[i] = C[i] = S[i] = F[i] = zero;
         G[i] = vec{{0, 0, 0, 1}};
@@ -52,10 +59,10 @@ MARCH = """
         C[i] = load(carry, o); S[i] = p.frame ? zero : load(slip, o);
         G[i] = load((const {real}*)c.gravity.data, object[o]); G[i][3] = c.w.data[o];
     }}
-    if (rank == 0) {{ {apart} }}
+    if (among > 0) meet();
+    if (among > 0 || rank == 0) {{ {apart} }}
     {least}
-    {open}
-    {meet}
+    if (among == 0) {{ {open} }}
     {across}
     {angles}
     for (; t < count; ++t) {{
@@ -86,6 +93,7 @@ MARCH = """
             {within}
         }}
         meet();
+        if (among > 0) continue;
         {form}
         if (turn == 0 && walkers > 1) turn = 2 * t + 2;
     }}
@@ -104,6 +112,10 @@ MARCH = """
     __builtin_ia32_ldmxcsr(modes);
     #endif
     {met}
+    if (among > 0) {{
+        if (stalls > 0) __atomic_fetch_add(desk + {apart_words} * {stalls_word}, stalls, __ATOMIC_RELAXED);
+        return;
+    }}
     {leave}
 #endif
 """
@@ -123,7 +135,8 @@ def code(real, damped: bool, bounded: bool) -> str:
              "moments": packets.MOMENTS, "gather": packets.GATHER, "hold": HOLD}
     parts = {key: text.format(real=name, **numbers, **rates) for key, text in texts.items()}
     meet = MEET.format(done=DONE, never=NEVER)
-    text = MARCH.format(real=name, damped=int(damped), meet=meet, move=MOVE.format(**bounds), **(TEXTS | bounds | parts))
+    text = MARCH.format(real=name, damped=int(damped), meet=meet, move=MOVE.format(**bounds),
+                        apart_words=APART, stalls_word=STALLS, **(TEXTS | bounds | parts))
     return packets.ROOM.format(real=name, integer=integer) + text
 
 
@@ -134,10 +147,13 @@ def march(real, module, damped: bool, bounded: bool = False):
     vec4, Sheet, Net, Step, Moving, Team = types(real).vec4, sheet_of(real), net(real), steps(real), moving(real), teams()
 
     @wp.func_native(code(real, damped, bounded))
-    def substeps(c: Net, s: Sheet, step: Step, team: Team, p: Moving, room: wp.array(dtype=vec4)): ...
+    def substeps(thread: int, among: int, c: Net, s: Sheet, step: Step, team: Team, p: Moving, room: wp.array(dtype=vec4)): ...
+
+    substeps.inline_hint = "noinline"                    # it is compiled once
 
     @wp.kernel(module=module, enable_backward=False)
     def march_sheet(c: Net, s: Sheet, step: Step, team: Team, p_out: Moving, room_out: wp.array(dtype=vec4)):
-        substeps(c, s, step, team, p_out, room_out)
+        substeps(0, 0, c, s, step, team, p_out, room_out)
 
+    march_sheet.part = substeps                          # of a thread of many, in another launch
     return march_sheet

@@ -72,8 +72,8 @@ ROOM = VECTORS + """
 """
 # What does not change while x stays.
 APART = """
-    M[-2] = M[-1] = M[sheets] = zero;
-    for (int p = 0; p < triangles; ++p) {{
+    if (rank == 0) M[-2] = M[-1] = M[sheets] = zero;
+    for (int p = share(triangles, rank); p < share(triangles, rank + 1); ++p) {{
         const int* id = s.corner.data + 24 * p;
         eight o[4];
         base(X, id, o);
@@ -82,7 +82,7 @@ APART = """
             ET[6 * p + 3 * k] = e.x; ET[6 * p + 3 * k + 1] = e.y; ET[6 * p + 3 * k + 2] = e.z;
         }}
     }}
-    for (int p = 0; p < hinges; ++p) {{
+    for (int p = share(hinges, rank); p < share(hinges, rank + 1); ++p) {{
         const int* id = s.hinge.data + 32 * p;
         eight o[4];
         base(X, id, o);

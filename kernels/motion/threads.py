@@ -30,7 +30,7 @@ NAP = 20               # [us] for which it is given up; Linux makes 75 to 110 of
 NEVER = 2**30          # naps until a wait is given up that will end
 PATIENCE = 100         # naps for which a helper looks for an open door
 
-WORDS = """
+TOOLS = """
     typedef signed (*Nap)(unsigned);
     unsigned* desk = (unsigned*)(((unsigned long long)team.desk.data + 127) / 128 * 128);
     auto look = [&](int word) {{ return __atomic_load_n(desk + {APART} * word, __ATOMIC_ACQUIRE); }};
@@ -50,9 +50,13 @@ WORDS = """
             else {{ ((Nap)team.nap)({NAP}); ++naps; }}
         return naps;
     }};
+"""
+WALK = """
     auto part = [&](int r, int* leg) {{ for (int l = 0; l < 4; ++l) leg[l] = team.part.data[4 * r + l]; }};
     int rank = 0, walkers = 1, t = 0, stalls = 0, leg[4] = {{0, blocks, blocks, blocks}};
     unsigned frame = 0;
+"""
+JOIN = """
     if (team.call < 0) {{
         until([&] {{
             unsigned door = look({DOOR});
@@ -117,7 +121,8 @@ LEAVE = """
 """
 _NUMBERS = {name: value for name, value in globals().items() if isinstance(value, int)}
 TEXTS = {name: text.format(**_NUMBERS) for name, text in
-         {"words": WORDS, "open": OPEN, "before": BEFORE, "after": AFTER, "form": FORM, "leave": LEAVE}.items()}
+         {"tools": TOOLS, "walk": WALK, "join": JOIN, "open": OPEN,
+          "before": BEFORE, "after": AFTER, "form": FORM, "leave": LEAVE}.items()}
 
 
 @cache

@@ -50,8 +50,9 @@ class Build:
 
     @property
     def free(self) -> bool:
-        """True if frames in which nothing can touch leave contacts out."""
-        if not self.reasons["contact"]:
+        """True if frames in which nothing can touch leave contacts out. Not on a CPU that takes substeps of all that acts in
+        one launch: another, without contacts, costs more to compile than contacts that are far cost."""
+        if not self.reasons["contact"] or self.others_within and self.model.fuser and not self.model.device.is_cuda:
             return False
         from wsim.physics.contact.clearance import possible
         return possible(self.scene, self.model.gradients)

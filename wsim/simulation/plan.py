@@ -185,7 +185,8 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     b = _chosen(model, fps)
     b.reasons = {row.name: needed(row, b) for row in METHODS}
     model.module = _module(b) + ADJOINT * gradients
-    if b.choice.solver == "explicit" and (model.device.is_cuda if model.fuses is None else model.fuses):
+    acts = model.fuses or model.device.is_cuda or b.within or scene.softs          # else a march of a CPU takes whole frames
+    if b.choice.solver == "explicit" and model.fuses is not False and acts:
         from wsim.physics.fused.fuser import Fuser, apart, pays
         model.fuser = None if apart(model, b.reasons) or model.fuses is None and not pays(model) else Fuser(model)
     if model.bodies:

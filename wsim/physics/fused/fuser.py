@@ -13,12 +13,16 @@ from collections.abc import Callable
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import warp as wp
 
+from wsim.kernels.motion.threads import MOST as MOST_THREADS
+from wsim.model.structs import values
 from wsim.physics.cloth.kind import SPRINGS
-from wsim.physics.fused.program import Program, longest
+from wsim.physics.fused.program import Program, is_struct, longest, place
 from wsim.physics.fused.recorder import Op, Recorder, recorded
-from wsim.physics.fused.source import ALONE, GRID, Shape, make
+from wsim.physics.fused.source import GRID, TEAM, Shape, make
+from wsim.physics.motion.threads import Abreast, cores
 from wsim.scene import Surface
 
 if TYPE_CHECKING:
@@ -35,12 +39,13 @@ LARGEST = 200_000      # items of a phase from which launches are no more what c
 # (343 points) 9.3, 6.3; flag (925) 9.2, 6.9; bear (961) 1.6, 1.0; sheet of 33 x 33 (1089) 3.7, 3.2, damped 21.3, 17.4; cape
 # (1705) 36, 28; the shirt (6436) hung 25.8, 22.9, on its dummy, a mesh, 94, 102
 MOST = 8192
+SHARE = 200            # items of the widest phase that a CPU thread is worth
 
 
 def shape_of(device, widest: int) -> Shape:
     """Blocks and threads of a device for the widest phase of a program."""
     if not device.is_cuda:
-        return Shape(ALONE, 1, 1)
+        return Shape(TEAM, 1, min(cores(), MOST_THREADS, max(1, widest // SHARE)))
     if widest <= device.sm_count * FEWER:
         return Shape(GRID, device.sm_count, FEWER)
     return Shape(GRID, device.sm_count, THREADS // 2)
@@ -56,18 +61,24 @@ class Fuser:
         self.tried, self.why = False, "nothing was tried"
         self.word = wp.zeros(1, dtype=int, device=model.device)
         self.phases, self.launched = 0, 0        # phases of a substep; launches of many substeps so far
+        self.within: set = set()                 # kernels that it consists of
+        self.teams: dict[Any, Abreast] = {}      # CPU threads of a kernel
+        self.sent: dict[tuple, tuple] = {}       # and what they are sent to, by form of a frame
 
     def prepare(self, plan) -> None:
         """Makes the kernels of a plan's frames, before they are compiled."""
-        clock, model = plan.clock, self.model
+        self.clock = clock = plan.clock
+        model = self.model
         kept = {name: getattr(clock, name) for name in ("substeps", "k", "i", "starting", "free", "after_free")}
         forms = [True, False] if plan.parted else [clock.free]
-        model.recorder, self.tried = Recorder(model), True
+        model.recorder = recorder = Recorder(model)
+        self.tried = True
         clock.substeps = min(clock.substeps, TRIED)
         try:
             for clock.free in forms:
                 for clock.starting in (True, False):
                     plan.stretch(0, clock.substeps)
+            self.move_out({op.kernel for op in recorder.ops})
         finally:
             model.recorder, self.tried = None, False
             for name, value in kept.items():
@@ -75,25 +86,63 @@ class Fuser:
 
     def repeat(self, run: Callable[[int], Any], first: int, last: int) -> None:
         """Does what `run(k)` launches for each k in first .. last - 1."""
-        steps = recorded(self.model, run, first, last)
+        steps = ended(recorded(self.model, run, first, last))
         a, b = longest(steps)
         found = self.kernel(steps[a:b]) if b - a >= LEAST else None
         if self.tried:
+            self.within |= {op.kernel for op in steps[a] if found}
+            self.model.recorder.ops += [op for k, step in enumerate(steps) if not (found and a <= k < b) for op in step]
             return
         for step in steps[:a]:
             _launch(step)
         if found:
             kernel, given, shape = found
             self.launched += 1
-            if shape.kind == GRID:
-                self.word.zero_()
-            how = {"block_dim": shape.threads} if self.model.device.is_cuda else {}
-            wp.launch(kernel, shape.lanes, [b - a, shape.lanes, self.word, *given], device=self.model.device, **how)
+            if shape.kind == TEAM:
+                self.walk(kernel, given, shape, b - a)
+            else:
+                self.fly(kernel, given, shape, b - a)
         else:
             for step in steps[a:b]:
                 _launch(step)
         for step in steps[b:]:
             _launch(step)
+
+    def move_out(self, launched: set) -> None:
+        """Takes kernels that are only parts of others out of a CPU's module: they need not be compiled by themselves."""
+        module, other = (wp.get_module(self.model.module + end) for end in ("", "_apart"))
+        for kernel in self.within - launched if self.teams else ():
+            if module.kernels.pop(kernel.key, None) is kernel:
+                module._live_kernels.discard(kernel)
+                module.mark_modified()
+                kernel.module = other
+                other.register_kernel(kernel)
+
+    def fly(self, kernel, given: list, shape: Shape, count: int) -> None:
+        """Launches a kernel of so many substeps."""
+        if shape.kind == GRID:
+            self.word.zero_()
+        how: dict[str, Any] = {"block_dim": shape.threads} if self.model.device.is_cuda else {}
+        wp.launch(kernel, shape.lanes, [count, shape.lanes, self.word, *given], device=self.model.device, **how)
+
+    def walk(self, kernel, given: list, shape: Shape, count: int) -> None:
+        """Launches a kernel of so many substeps on a CPU, which other threads join."""
+        team, key = self.teams[kernel], (count, *map(contents, given))
+
+        def launch(team) -> None:
+            wp.launch(kernel, 1, [count, team, *given], device=self.model.device)
+        launch(team.lead(key))
+        self.sent[self.form()] = team, key, launch
+
+    def form(self) -> tuple:
+        """Form of the frame to come."""
+        return self.clock.free, self.clock.starting, self.clock.after_free
+
+    def send(self, clock) -> None:
+        """Sends other threads to the frame to come, if it is launched as one before."""
+        if self.form() in self.sent:
+            team, key, launch = self.sent[self.form()]
+            team.send(key, launch)
 
     def kernel(self, steps: list[list[Op]]) -> tuple | None:
         """Kernel, arguments and blocks of a run of substeps; None where they are launched as ever."""
@@ -113,6 +162,8 @@ class Fuser:
         key = form, kernel
         if self.tried:
             self.kernels[key] = kernel
+            if shape.kind == TEAM and kernel not in self.teams:
+                self.teams[kernel] = Abreast(self.model, np.zeros((shape.threads, 4), int))
             self.phases = len(program.phases)
             self.why = self.words(shape, steps[0])
         elif key not in self.kernels:
@@ -122,12 +173,14 @@ class Fuser:
 
     def module(self, shape: Shape) -> str:
         """Module of the kernel: apart from those that it is made of."""
+        if shape.kind == TEAM:
+            return self.model.module
         name = f"{self.model.module}_fused_{shape.kind}{shape.blocks}x{shape.threads}"
         self.model.modules[name] = shape.threads
         return name
 
     def words(self, shape: Shape, ops: list[Op]) -> str:
-        blocks = "" if shape.kind == ALONE else f" of {shape.blocks} blocks of {shape.threads} threads"
+        blocks = f" of {shape.blocks} blocks" * (shape.kind != TEAM) + f" of {shape.threads} threads" * (shape.threads > 1)
         return f"substeps in one launch{blocks}: {len(ops)} kernels in {self.phases} phases"
 
 
@@ -135,8 +188,24 @@ def pays(model: Model) -> bool:
     """True where the fused form is the default: see MOST."""
     scene = model.scene
     elements = bool(scene.softs) or any(r.row.gather != SPRINGS for r in model.constraints if not r.hard)
-    return (model.device.is_cuda and elements and model.points <= MOST and not model.gradients
-            and not any(isinstance(c.shape, Surface) for c in scene.colliders))
+    meshes = any(isinstance(c.shape, Surface) for c in scene.colliders)
+    return elements and not model.gradients and (not model.device.is_cuda or model.points <= MOST and not meshes)
+
+
+def ended(steps: list[list[Op]]) -> list[list[Op]]:
+    """Launches of substeps; what the last one has besides those of the others stands by itself."""
+    many = len(steps[-2]) if len(steps) > 1 else 0
+    same = [op.form for op in steps[-1][:many]] == [op.form for op in steps[-2]] if many else False
+    return [*steps[:-1], steps[-1][:many], steps[-1][many:]] if same and len(steps[-1]) > many else steps
+
+
+def contents(value: Any) -> tuple:
+    """The same for arguments of the same arrays and numbers."""
+    if value is None or isinstance(value, wp.array):
+        return place(value)
+    if is_struct(value):
+        return tuple(place(v) if v is None or isinstance(v, wp.array) else float(v) for v in values(value).values())
+    return tuple(map(float, value)) if hasattr(value, "__len__") else (float(value),)
 
 
 def _launch(step: list[Op]) -> None:

@@ -25,7 +25,7 @@ LARGE = (wp.uint64, wp.int64)            # numbers that are compared, not counte
 
 def lanes_of(op: Op) -> int:
     """Threads of a point of a launch that may stand in a chain, else 0."""
-    if op.kernel is None:
+    if op.kernel is None or hasattr(op.kernel, "part"):
         return 0
     own = getattr(op.kernel, "own", 0)
     points = op.kernel.adj.arg_types.get("points")

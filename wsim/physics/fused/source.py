@@ -1,13 +1,15 @@
 """The kernel of a program: its text, its arguments, and the blocks that it is launched over.
 
 A loop over the substeps, in it the phases, and behind each phase all threads wait for each other: those of a block, of a
-cluster of blocks, or of as many blocks as a GPU has multiprocessors, which are all there at a time. Threads take the items of
-a phase in turn, whatever their number; each item is taken by the function of the kernel that launches it otherwise, so that the
-bits are the same.
+cluster of blocks, of as many blocks as a GPU has multiprocessors, which are all there at a time, or of a CPU
+(kernels/motion/abreast.py). Threads take the items of a phase in turn, on a CPU a share of them each, whatever their number;
+each item is taken by the function of the kernel that launches it otherwise, so that the bits are the same. What threads of a
+CPU share in its own way (`part` of its kernel) is a phase of its own.
 """
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +17,15 @@ import warp as wp
 
 from wsim.kernels.fused.body import MODULE, body
 from wsim.kernels.math import block
+from wsim.kernels.motion import abreast
 from wsim.model.structs import filled, values
 from wsim.physics.fused.program import Column, Phase, Program, is_struct, place
 
 WARP = 32              # launches beside each other begin at multiples of it
-ALONE, BLOCK, CLUSTER, GRID = "alone", "block", "cluster", "grid"
-MEETINGS = {ALONE: block.alone, BLOCK: block.meet, CLUSTER: block.meet_cluster}
+ALONE, BLOCK, CLUSTER, GRID, TEAM = "alone", "block", "cluster", "grid", "team"
+MEETINGS = {ALONE: {"meet": block.alone}, BLOCK: {"meet": block.meet}, CLUSTER: {"meet": block.meet_cluster},
+            GRID: {"meet": block.meet_grid},
+            TEAM: {name: getattr(abreast, name) for name in ("join", "since", "together", "meet", "leave")}}
 
 
 @dataclass(frozen=True)
@@ -39,9 +44,10 @@ class Shape:
 class Text:
     """Arguments and lines of a kernel."""
 
-    def __init__(self, program: Program, real):
-        self.program, self.real = program, real
-        self.types: dict[str, Any] = {"count": int, "lanes": int, "word": wp.array(dtype=int)}
+    def __init__(self, program: Program, real, kind: str):
+        self.program, self.real, self.kind = program, real, kind
+        more = {"team": abreast.Team} if kind == TEAM else {"lanes": int, "word": wp.array(dtype=int)}
+        self.types: dict[str, Any] = {"count": int, **more}
         self.given: list[Any] = []
         self.names: dict[tuple, str] = {}
         self.bodies: dict[str, Any] = {}
@@ -78,6 +84,8 @@ class Text:
             changing = [name for (p, at, name) in sorted(self.program.varying) if p == number and at == a]
             if value is None or isinstance(value, wp.array):
                 found.append(self.argument("a", ("array", place(value), str(kind)), kind, value))
+            elif item == PART and getattr(value, "_cls", None) is abreast.Team:
+                found.append("team")
             elif is_struct(value):
                 found.append(self.struct(number, a, variant, value, kind, changing, c))
             elif changing:
@@ -85,7 +93,7 @@ class Text:
             else:
                 found.append(self.argument("c", ("number", number, a), kind, value))
         name = f"f{number}"
-        self.bodies[name] = body(op.kernel)
+        self.bodies[name] = op.kernel.part if item == PART else body(op.kernel, number)
         return f"{name}({', '.join(found)})"
 
     def struct(self, number: int, a: int, variant: int, value, kind, changing: list[str], c: Column) -> str:
@@ -110,11 +118,21 @@ class Text:
     def size(self, name: tuple, value: int) -> str:
         return self.argument("m", name, int, value)
 
+    def items(self, number: int, size: int) -> str:
+        """Line of the loop over a thread's items of a phase."""
+        name = self.size((number, "items"), size)
+        if self.kind == TEAM:
+            return f"for i in range({name} * thread // lanes, {name} * (thread + 1) // lanes):"
+        return f"for i in range(thread, {name}, lanes):"
+
     def phase(self, number: int, phase: Phase) -> None:
         columns = self.program.columns
+        if self.kind == TEAM and hasattr(columns[phase.ops[0]].op.kernel, "part"):
+            self.calls(phase.ops[0], PART, "")
+            return
         if phase.points:
             most = max(phase.lanes)
-            self.lines.append(f"for i in range(thread, {self.size((number, 'items'), phase.points * most)}, lanes):")
+            self.lines.append(self.items(number, phase.points * most))
             for op, lanes in zip(phase.ops, phase.lanes, strict=True):
                 if lanes == most:
                     self.calls(op, "i", "    ")
@@ -126,7 +144,7 @@ class Text:
         begins = [0]
         for size in sizes:
             begins.append(begins[-1] + -(-size // WARP) * WARP)
-        self.lines.append(f"for i in range(thread, {self.size((number, 'items'), begins[-2] + sizes[-1])}, lanes):")
+        self.lines.append(self.items(number, begins[-2] + sizes[-1]))
         for n, op in enumerate(phase.ops):
             if len(phase.ops) == 1:
                 self.calls(op, "i", "    ")
@@ -135,35 +153,51 @@ class Text:
             self.lines.append(f"    if i >= {at} and i - {at} < {self.size((number, 'size', n), sizes[n])}:")
             self.calls(op, f"i - {at}", "        ")
 
-    def whole(self, grid: bool) -> str:
+    def whole(self) -> str:
         """The text of the kernel."""
-        meet = "    turn = turn + 1\n        meet(word, turn)" if grid else "    meet()"
         for number, phase in enumerate(self.program.phases):
             self.phase(number, phase)
-            self.lines.append(meet.strip())
+            self.lines.append(WAIT.get(self.kind, "meet()"))
         inner = "\n".join("        " + line for line in (*self.top, *self.lines))
+        if self.kind == TEAM:
+            inner = inner.replace("\n", "\n    ")
+            return TOGETHER.format(arguments=", ".join(self.types), inner=inner)
         return (f"def fused({', '.join(self.types)}):\n    thread = wp.tid()\n    turn = int(0)\n"
                 f"    for k in range(count):\n{inner}\n")
 
 
+PART = "thread, lanes"
+WAIT = {GRID: "turn = turn + 1\n        meet(word, turn)", TEAM: "meet(team, thread, lanes)"}
+TOGETHER = """def fused({arguments}):
+    thread = join(team)
+    if thread >= 0:
+        k = since(team, thread)
+        lanes = together(team, thread, 0, k, count)
+        while k < count:
+    {inner}
+            lanes = together(team, thread, lanes, k, count)
+            k = k + 1
+        leave(team, thread, lanes)
+"""
 _MADE: dict[tuple, wp.Kernel] = {}
 
 
 def make(program: Program, real, shape: Shape, module: str) -> tuple[wp.Kernel, list]:
     """Kernel of a program, and the arguments behind `word`."""
-    text = Text(program, real)
-    source = text.whole(shape.kind == GRID)
+    text = Text(program, real, shape.kind)
+    source = text.whole()
     key = source, tuple(map(str, text.types.values())), tuple(text.bodies.values()), shape.kind, shape.threads, module
     if key not in _MADE:
-        meet = block.meet_grid if shape.kind == GRID else MEETINGS[shape.kind]
-        names = {"wp": wp, "meet": meet, **text.bodies}
+        names = {"wp": wp, **MEETINGS[shape.kind], **text.bodies}
         exec(source, names)                                                 # noqa: S102  (of no text but the above)
         f: Any = names["fused"]
         f.__annotations__, f.__module__ = dict(text.types), MODULE
         options: dict[str, Any] = {"enable_backward": False, "grid_stride": False}
-        if shape.kind != ALONE:
+        if shape.kind not in (ALONE, TEAM):
             options |= {"launch_bounds": shape.threads}
         if shape.kind == CLUSTER:
             options |= {"cluster_dim": shape.blocks}
-        _MADE[key] = wp.Kernel(f, f"fused_{len(_MADE)}", wp.get_module(module), options, source=source)
+        called = [k.key for k in text.bodies.values()]
+        name = hashlib.sha256(str((source, *map(str, text.types.values()), called)).encode()).hexdigest()[:8]
+        _MADE[key] = wp.Kernel(f, f"fused_{name}", wp.get_module(module), options, source=source)
     return _MADE[key], text.given

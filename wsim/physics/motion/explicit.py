@@ -238,14 +238,14 @@ class Explicit(Method):
 
     def finish(self, clock: Clock) -> None:
         s, step = self.state, self.step(clock, 0.0, 0.0, self.at)
+        if len(self.integrator.steps) == 2 and clock.substeps > 1 and (self.model.fuser or clock.k == clock.substeps - 1):
+            self.model.copy(self.earlier, self.change)
         self.model.launch(self.correct, self.model.points, [self.points.at(d=s.d, a=s.a), self.pair, step],
                           [s.x, s.e, s.v, self.pair, self.change])
         if self.own is not None:
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:
             self.model.copy(s.r, self.carry, 0, 0, self.model.points)
-        if clock.k == clock.substeps - 2 and len(self.integrator.steps) == 2:
-            self.model.copy(self.earlier, self.change)
         if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
             self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
@@ -270,7 +270,7 @@ class Explicit(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.pins is not None:
             self.target = self.net.target = self.pins.target["hard"]
-        for each in filter(None, (self.at_once, self.free)):
+        for each in filter(None, (self.at_once, self.free, self.model.fuser)):
             each.send(clock)
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:

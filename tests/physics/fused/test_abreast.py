@@ -1,0 +1,68 @@
+"""CPU threads that share the phases of a launch of many substeps: the bits of launch by launch, whatever their number; who does
+not come is not waited for; what is part of the one kernel is not compiled by itself."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+import wsim
+from tests.physics.fused.test_fused import blown, cube, everything
+from wsim.kernels.motion.threads import FORMED
+from wsim.physics.fused import fuser
+from wsim.physics.motion import threads
+from wsim.scene import Scene
+
+LONG = 400             # substeps: a frame in which helpers have time to come
+MADE = {"everything": everything, "blown": blown, "cube": cube}
+
+
+def scene(name: str) -> Scene:
+    found = MADE[name]()
+    found.substeps, found.integrator = LONG, "leapfrog"
+    return found
+
+
+def simulation(name: str, monkeypatch, count: int) -> wsim.Simulation:
+    """count: threads; 0: launch by launch."""
+    with monkeypatch.context() as m:
+        m.setattr(fuser, "SHARE", 1)
+        m.setattr(fuser, "cores", lambda: count)
+        if count == 0:
+            m.setattr(fuser.Fuser, "kernel", lambda self, steps: None)
+        sim = wsim.Simulation(scene(name), device="cpu")
+        sim.step()
+        sim.step()                                       # from here on a graph
+    return sim
+
+
+@pytest.mark.skipif(threads.cores() < 2, reason="a helper has no core to come to")
+@pytest.mark.parametrize("name, count", [
+    ("everything", 2), ("blown", 3), ("cube", 2), pytest.param("everything", 3, marks=pytest.mark.slow)])
+def test_any_number_of_threads_gives_the_bits_of_launch_by_launch(name, count, monkeypatch):
+    want, sim = (simulation(name, monkeypatch, n) for n in (0, count))
+    teams = list(sim.model.fuser.teams.values())
+    assert {team.count for team in teams} == {count} and sim.model.fuser.launched >= 2 and want.model.fuser.launched == 0
+    formed = 0
+    for _ in range(8):
+        want.step(), sim.step()
+        formed += any(team.words[FORMED] > 0 and team.words[FORMED] == team.words[0] >> 6 for team in teams)
+        assert np.array_equal(want.positions(), sim.positions()) and np.array_equal(want.velocities(), sim.velocities())
+    assert formed > 0 and np.abs(sim.velocities()).max() > 1e-3
+
+
+def test_helpers_that_never_come_are_not_waited_for(monkeypatch):
+    monkeypatch.setattr(threads, "worker", lambda number: threads.SimpleQueue())
+    want, sim = (simulation("blown", monkeypatch, n) for n in (0, 3))
+    for each in (want, sim):
+        each.run(2)
+    assert np.array_equal(want.positions(), sim.positions())
+    (team,) = sim.model.fuser.teams.values()
+    assert team.words[FORMED] == 0
+
+
+def test_parts_of_the_one_kernel_are_not_compiled_by_themselves(monkeypatch):
+    model = simulation("blown", monkeypatch, 1).model
+    keys = [k.partition("__locals__")[0] for k in wp.get_module(model.module).kernels]
+    assert not {"press", "blow", "correct"} & set(keys) and "settle" in keys
+    parts = [k.partition("__locals__")[0] for k in wp.get_module(f"{model.module}_apart").kernels]
+    assert {"press", "blow", "correct"} <= set(parts)
