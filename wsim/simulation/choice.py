@@ -3,8 +3,7 @@ errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 
 
     explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.physics.motion.frequency`,
                 `wsim.physics.motion.stability`), a launch or less each; where it is stable it errs by less than any of the
-                others at any price they are run at; where slivers alone make it dear, with mass for their points
-                (`wsim.physics.fused.stiff_few`)
+                others at any price they are run at; where slivers make it dear, with mass (`wsim.physics.fused.stiff_few`)
     implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
                 other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies; of sheets
                 BDF2 with one Newton step a substep, where as many as the wanted error takes cost less than sweeps
@@ -204,18 +203,10 @@ def _auto(model: Model) -> Choice:
 
 
 def slowed(model: Model) -> tuple[int, str]:
-    """Substeps of leapfrog of a model whose slivers have more mass, and what was done to which; (0, "") where none would have.
-    The model stays as it is."""
-    from wsim.physics.fused.stiff_few import slow
-    from wsim.physics.motion.frequency import bound
-    before = [(body, body.masses) for body in model.bodies]
-    try:
-        said = slow(model)
-        return (_struck(model, needed(model.scene, TABLE["leapfrog"], *bound(model))), "; ".join(map(str, said))) if said else (
-            0, "")
-    finally:
-        for body, masses in before:
-            body.masses = masses
+    """Substeps of leapfrog where slivers have more mass, and what was done to which; (0, "") where none would have."""
+    from wsim.physics.fused import stiff_few
+    said, bound = stiff_few.tried(model)
+    return (_struck(model, needed(model.scene, TABLE["leapfrog"], *bound)), said) if said else (0, "")
 
 
 def known(model: Model) -> bool:
