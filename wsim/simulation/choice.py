@@ -3,7 +3,7 @@ errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 
 
     explicit    leapfrog needs n = dt / limit substeps a frame (`wsim.physics.motion.frequency`,
                 `wsim.physics.motion.stability`), a launch or less each; where it is stable it errs by less than any of the
-                others at any price they are run at
+                others at any price they are run at; where slivers make it dear, with mass (`wsim.physics.fused.stiff_few`)
     implicit    Newton steps, where neighbouring masses differ so much that sweeps would not carry a load from one to the
                 other (stress rows "heavy last": XPBD at 10 x 4 left a strain of 12, bound 3.4), and of soft bodies; of sheets
                 BDF2 with one Newton step a substep, where as many as the wanted error takes cost less than sweeps
@@ -58,6 +58,7 @@ class Choice:
     other: "Choice | None" = None            # what goes on where explicit steps that nobody named tear an edge
     error: float | None = None               # predicted, over the scene's size: `wsim.simulation.predicted.errors`
     omega: float = 0.0                       # highest frequency [rad/s] of Newton steps of sheets, where it is known
+    slowed: bool = False                     # leapfrog of as many substeps as mass for slivers leaves
 
     @property
     def steps(self) -> int:
@@ -79,7 +80,7 @@ def predicted(model: Model, choice: Choice) -> float:
     """Error of a choice over the scene's size."""
     bodies, h = falls(model), choice.integrator.solves / model.scene.fps / choice.substeps
     if choice.solver == "explicit":
-        left = errors.leapfrog(model, bodies, h)
+        left = errors.leapfrog(model, bodies, h) + choice.slowed * errors.SLIVERS * size(model)
     elif choice.solver == "xpbd":
         left = errors.euler(model, bodies, h, 0 if _hard(model) else choice.iterations)
     else:
@@ -187,12 +188,25 @@ def _auto(model: Model) -> Choice:
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
                       f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
     why = f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
+    slow, said = slowed(model)
+    least = cost.seconds(model, cost.explicit(model, slow)) if slow else inf
+    if least <= SURE * min(sweeps, solved):
+        return Choice("explicit", leapfrog, max(slow, scene.substeps), 1,
+                      f"{why}{slow} with more mass at slivers, {1e3 * least:.3g} ms: {said}; XPBD would take "
+                      f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd, slowed=slow > scene.substeps)
     if newton and (SURER * solved < sweeps or
                    solved <= SURE * sweeps and RIGHTER * predicted(model, newton) <= predicted(model, xpbd)):
         return replace(newton, why=f"{why}XPBD {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}; Newton steps "
                        f"take {1e3 * solved:.3g} ms for {newton.substeps} of BDF2")
     return replace(xpbd, why=why
                    + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}{xpbd.why}"))
+
+
+def slowed(model: Model) -> tuple[int, str]:
+    """Substeps of leapfrog where slivers have more mass, and what was done to which; (0, "") where none would have."""
+    from wsim.physics.fused import stiff_few
+    said, bound = stiff_few.tried(model)
+    return (_struck(model, needed(model.scene, TABLE["leapfrog"], *bound)), said) if said else (0, "")
 
 
 def known(model: Model) -> bool:

@@ -237,6 +237,10 @@ def _chosen(model: Model, fps: float | None = None) -> Build:
                 slow(one)
             choice = choose(one)
             choice = replace(choice, why="; ".join([choice.why, *map(str, said)]))
+    if choice.slowed:
+        from wsim.physics.fused.stiff_few import slow
+        for each in {id(m): m for m in (model, one)}.values():
+            slow(each)
     counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
                   choice.steps, "take softer materials, larger masses or elements, or another solver")
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator)

@@ -1,5 +1,7 @@
 """Mass for the points of slivers: how much, for how much longer steps, and what stays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from wsim.physics.fused.stiff_few import MOST, WORTH, slow, sums
 from wsim.physics.motion import frequency
 from wsim.scene import Scene, shapes
 from wsim.scene.fabric import Fabric
+from wsim.simulation.predicted.errors import SLIVERS
 
 SIDE = 72              # points of a side: two of them weigh a 2500th of it
 FABRIC = Fabric(stretch=500.0, shear=100.0, bend=1e-5, thickness=1e-3)
@@ -41,6 +44,20 @@ def test_no_point_is_faster_than_the_bound_after():
     square = (sums(sim.model, body) / body.masses)[SIDE + 1:]
     assert square.max() == pytest.approx(frequency.bound(sim.model)[0]**2, rel=0.2)
     assert not slow(sim.model)                                        # once is enough
+
+
+def test_auto_takes_leapfrog_with_mass_at_slivers_where_they_alone_make_it_dear():
+    """Without the pinch leapfrog is chosen as it is; with it, of fewer steps than its masses would need. What mass leaves is in
+    the error that is said. Where a rate is to be held it is one of the ways."""
+    like, pinch = (wsim.Simulation(replace(pinched(share), solver="auto"), device="cpu") for share in (1.0, 2e-3))
+    rate = wsim.Simulation(replace(pinched(2e-3), solver="auto"), device="cpu", fps=0.5 / pinch.plan.seconds)
+    own = wsim.Simulation(replace(pinched(2e-3), solver="xpbd"), device="cpu").model
+    assert like.plan.choice.solver == "explicit" and not like.plan.choice.slowed
+    assert pinch.plan.choice.solver == "explicit" and pinch.plan.choice.slowed and "more mass" in pinch.plan.choice.why
+    assert 0.0 < pinch.model.bodies[0].masses.sum() / own.bodies[0].masses.sum() - 1.0 <= MOST
+    assert pinch.plan.choice.error > SLIVERS > like.plan.choice.error
+    assert rate.plan.choice.why.count("leapfrog") == 2
+    assert frequency.bound(pinch.model)[0] < frequency.bound(own)[0] / WORTH
 
 
 @pytest.mark.parametrize("settings", [{}, {"solver": "xpbd"}, {"integrator": "leapfrog", "substeps": 1000}])

@@ -14,7 +14,7 @@ import numpy as np
 
 from wsim.model.model import Body, Model, hard_places
 from wsim.physics.cloth.constraints import of_body
-from wsim.physics.motion.frequency import _inverse, _sizes, stiffness
+from wsim.physics.motion.frequency import _inverse, _sizes, bound, stiffness
 from wsim.scene import Cloth
 
 # of the mass of a cloth. The shirt, hung, 2983 substeps made 1492 and 995 by 0.016 and 0.3 %: RMS errors of 2.1 and 2.3 mm
@@ -51,6 +51,17 @@ def slow(model: Model) -> list[Slowed]:
             body.masses = masses
             found += [said] * (body.world == 0)
     return found
+
+
+def tried(model: Model) -> tuple[str, tuple[float, float]]:
+    """What `slow` would do, "" for nothing, and the bound of `wsim.physics.motion.frequency` (omega, c) then; the model stays."""
+    before = [(body, body.masses) for body in model.bodies]
+    try:
+        said = "; ".join(map(str, slow(model)))
+        return said, bound(model) if said else (0.0, 0.0)
+    finally:
+        for body, masses in before:
+            body.masses = masses
 
 
 def sums(model: Model, body: Body) -> np.ndarray:

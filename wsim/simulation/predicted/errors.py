@@ -1,7 +1,8 @@
 """RMS error [m] that each solver is predicted to leave after a fall through a body's size L, T = sqrt(2 L / g), before any is
 run: with steps h, tau = sqrt(L / g), omega the highest frequency of the scene,
 
-    leapfrog           LEAP g h^2, and what float32 rounds; on colliders HIT h sqrt(g L), met at some time of a step
+    leapfrog           LEAP g h^2, and what float32 rounds; on colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L
+                       where slivers have more mass
     backward Euler     DRIFT h sqrt(g L) on what falls and swings, EULER on colliders
     XPBD               that of backward Euler, and what M sweeps over N springs in a row leave: `swept`
     BDF2, one Newton   SECOND g h^2 and TURNED (omega h)^2 h sqrt(g L): an edge that turns in a step strains by the square
@@ -37,6 +38,7 @@ SLOWED = 2.0           # a square metre of cotton by two corners, tau 0.3 ms, h 
 DRAGGED = 0.5          # error over c L h of BDF2 in air that slows by c [1/s]: that cloth, 40 steps: below 0.6
 LEAP = 1.5             # nets and sheets of 16 to 40 points a side, 18 to 60 substeps of 1/24 s: 1.2 to 1.5
 ROUNDED = 1e-5         # error over L that float32 leaves: 2e-6 to 1e-5 where leapfrog's own is less
+SLIVERS = 2e-3         # error over L that mass at slivers adds: the shirt, hung, after three frames, beside what float32 leaves
 SECOND, TURNED = 18.0, 2e-4
 THIRD = 0.6            # bars of 2 to 8 cells across, 5 and 10 steps: 0.26 to 0.65
 

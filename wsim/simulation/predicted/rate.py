@@ -74,6 +74,9 @@ def _ways(model: Model) -> Iterator[tuple[int, Callable[[int], Choice]]]:
         stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
         least = int(needed(scene, own, omega, c) * (choices.STIFFENED if stiffens else 1.0))
         yield max(1, least), _of("explicit", own, 1)
+        few = choices.slowed(model)[0] if named is None and not explicit else 0
+        if few:
+            yield few, lambda n: replace(_of("explicit", own, 1)(n), slowed=n < least)
     if explicit:
         return
     if not scene.softs and scene.solver in ("auto", "xpbd") and not (free and choices.uneven(model)):
