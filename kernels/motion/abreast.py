@@ -86,3 +86,7 @@ def together(team: Team, rank: int, walkers: int, step: int, steps: int) -> int:
 
 @wp.func_native(text(LEAVE))
 def leave(team: Team, rank: int, walkers: int): ...
+
+
+for _each in (join, since, together, meet, leave):       # long, and none of them is called often
+    _each.inline_hint = "noinline"

@@ -1,6 +1,11 @@
 """CPU threads that share the phases of a launch of many substeps: the bits of launch by launch, whatever their number; who does
 not come is not waited for; what is part of the one kernel is not compiled by itself."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import warp as wp
@@ -12,6 +17,7 @@ from wsim.physics.fused import fuser
 from wsim.physics.motion import threads
 from wsim.scene import Scene
 
+ROOT = Path(__file__).resolve().parents[3]
 LONG = 400             # substeps: a frame in which helpers have time to come
 MADE = {"everything": everything, "blown": blown, "cube": cube}
 
@@ -66,3 +72,13 @@ def test_parts_of_the_one_kernel_are_not_compiled_by_themselves(monkeypatch):
     assert not {"press", "blow", "correct"} & set(keys) and "settle" in keys
     parts = [k.partition("__locals__")[0] for k in wp.get_module(f"{model.module}_apart").kernels]
     assert {"press", "blow", "correct"} <= set(parts)
+
+
+def test_the_kernel_has_the_same_name_in_every_process():
+    """Else no process would find in the cache what another has compiled."""
+    code = ("import warp as wp, wsim\nfrom tests.physics.fused.test_abreast import scene\n"
+            "sim = wsim.Simulation(scene('blown'), device='cpu')\nprint(sorted(wp.get_module(sim.model.module).kernels))")
+    runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT,
+                           env=os.environ | {"PYTHONHASHSEED": seed}) for seed in ("1", "2")]
+    names = [run.stdout.splitlines()[-1] for run in runs]
+    assert names[0] == names[1] and "fused_" in names[0]

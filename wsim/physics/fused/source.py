@@ -198,6 +198,6 @@ def make(program: Program, real, shape: Shape, module: str) -> tuple[wp.Kernel, 
         if shape.kind == CLUSTER:
             options |= {"cluster_dim": shape.blocks}
         called = [k.key for k in text.bodies.values()]
-        name = hashlib.sha256(str((source, *map(str, text.types.values()), called)).encode()).hexdigest()[:8]
+        name = hashlib.sha256(str((source, called)).encode()).hexdigest()[:8]
         _MADE[key] = wp.Kernel(f, f"fused_{name}", wp.get_module(module), options, source=source)
     return _MADE[key], text.given
