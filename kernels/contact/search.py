@@ -20,7 +20,9 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact import collide
+from wsim.kernels.contact import candidates, collide
+from wsim.kernels.contact.candidates import Lists
+from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, read, slots, tables
 from wsim.kernels.math.real import types
 
@@ -148,20 +150,25 @@ def ahead(real):
 
 
 @cache
-def against(kinds: tuple[str, ...], real):
-    """Function (c, row, k, deep, reach, x, d) -> (C, margin, s0, n, way) of a point and the collider of a row in substep k.
-    They have a contact where C < margin; n and way are found only there."""
+def against(kinds: tuple[str, ...], real, listed: bool = False):
+    """Function (c, L, i, row, k, deep, reach, x, d) -> (C, margin, s0, n, way) of point i and the collider of a row in substep
+    k. They have a contact where C < margin; n and way are found only there. listed: faces of meshes are candidates' of L."""
     t = types(real)
-    Rows, touch, (inside, outside) = tables(real)[0], collide.touch(kinds, real), frames(real)
+    Rows, touch, (inside, outside) = tables(real)[0], collide.touch(collide.split(kinds)[0] if listed else kinds, real), frames(real)
+    among, refresh = candidates.touch_listed(collide.split(kinds)[1], real), candidates.refresh(real)
 
     @wp.func
-    def against(c: Rows, row: int, k: int, deep: int, reach: real, x: t.vec3, d: t.vec3):
+    def against(c: Rows, L: Lists, i: int, row: int, k: int, deep: int, reach: real, x: t.vec3, d: t.vec3):
         T0 = c.pose[k, row]
         T1 = c.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
         margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
         r = reach + c.gap[row] - c.width                     # the hard contact behind a potential
         C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
+        if listed:
+            if c.kind[row] >= SOLID:
+                refresh(c, L, i, row, k, q0, q1, margin + r)
+                C, m, p, s0, slip = among(c.kind[row], c.mesh[row], deep, c.size[row][0], q0, q1, r, margin, L, L.slot[row], i)
         n = t.vec3()
         way = t.vec3()
         if C < margin:
@@ -172,14 +179,15 @@ def against(kinds: tuple[str, ...], real):
 
 
 @cache
-def search(kinds: tuple[str, ...], real, module, broad: bool = False):
-    """Kernel over points: contacts of substep k. Reads x, d, a. broad: colliders are found by the tree of the table.
+def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bool = False):
+    """Kernel over points: contacts of substep k. Reads x, d, a. broad: colliders are found by the tree of the table. listed:
+    faces of meshes by lists, see kernels/contact/candidates.py.
 
     d_out, a_out   written where a point is carried out of an overlap       push_out   of its contacts: zeroed
     struck_out     (may be None) not 0 where a point is in an overlap"""
-    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}"
+    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}{'_listed' * listed}"
     Rows, Points = tables(real)
-    Slots, Read, meet, near = slots(real), read(real), against(kinds, real), ahead(real) if broad else None
+    Slots, Read, meet, near = slots(real), read(real), against(kinds, real, listed), ahead(real) if broad else None
     vectors = wp.array(dtype=t.vec3)
 
     @wp.func
@@ -191,7 +199,7 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False):
         push_out[j] = t.vec3()
 
     def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
-               struck_out: wp.array(dtype=real)):
+               struck_out: wp.array(dtype=real), L: Lists):
         i = wp.tid()
         k = at.k
         count, mark, carried = int(0), int(0), t.vec3()
@@ -213,8 +221,10 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False):
                     if broad:
                         row = wp.where(rows[0] < NONE, rows[wp.min(j, ROOM - 1)], row)
                     if not reachable(c.ball[k, row], x0, bound):
+                        if listed:
+                            candidates.forget(L, row, i, k)
                         continue
-                    C, margin, s0, n, way = meet(c, row, k, deep, points.reach[i], x0 + carried, d0)
+                    C, margin, s0, n, way = meet(c, L, i, row, k, deep, points.reach[i], x0 + carried, d0)
                     if C < margin:
                         over = wp.max(-s0, real(0.0))
                         out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now

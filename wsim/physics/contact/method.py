@@ -68,6 +68,9 @@ class Contact(Method):
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
         self.contacts.launch, self.contacts.zero = model.launch, model.zero
+        if points.integrator.explicit and not model.gradients:
+            from wsim.physics.contact.candidates import listed
+            listed(self.contacts, model.module)
         if movers is None:
             self.contacts.smooth(model.scene, points.integrator.explicit)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
