@@ -17,6 +17,7 @@ mesh_query_point_sign_normal weighs them; the first face of a ray. A face alone 
 # ruff: noqa: SIM102, UP018
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
@@ -28,17 +29,6 @@ ROOM = 16              # faces of a list
 AHEAD = 2.0            # of the motion that a point would have until its list ends, at the speed that it has when it is made
 SLACK = 1.0e-6         # of places, that boxes about them are larger by
 FAR = 1.0e30           # distance of a face that has no area
-
-
-@wp.struct
-class Lists:
-    every: int                               # substeps of a list; 0: there are none
-    points: int
-    slot: wp.array(dtype=int)                # number among the meshes of its object, -1: convex, (rows,)
-    count: wp.array(dtype=int)               # faces of a list; more than ROOM: it has none, (slots * points,)
-    place: wp.array(dtype=wp.vec3f)          # q [m], (slots * points,)
-    radius: wp.array(dtype=float)            # R [m]; < 0: there is no list, (slots * points,)
-    face: wp.array(dtype=int)                # face j of slot s and point i at (s * ROOM + j) * points + i
 
 
 @wp.func_native("return wp::closest_point_to_triangle(a, b, c, q);")
@@ -130,7 +120,7 @@ def nearer(mesh: wp.uint64, face: int, q: wp.vec3f, dist: float, first: int):
 
 
 @wp.func
-def make(mesh: wp.uint64, L: Lists, s: int, i: int, q: wp.vec3f, radius: float, moved: float):
+def make(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, radius: float, moved: float):
     """Makes the list of slot s and point i: the faces within `radius` of q; moved: what the mesh may move meanwhile [m]."""
     face = int(0)
     count = int(0)
@@ -140,54 +130,54 @@ def make(mesh: wp.uint64, L: Lists, s: int, i: int, q: wp.vec3f, radius: float, 
         dist, _p = away(mesh, face, q)
         if dist <= radius:
             if count < ROOM:
-                L.face[(s * ROOM + count) * L.points + i] = face
+                L.face[(s * ROOM + count) * L.w.shape[0] + i] = face
             count += 1
-    at = s * L.points + i
+    at = s * L.w.shape[0] + i
     L.count[at] = count
     L.place[at] = q
     L.radius[at] = radius - moved
 
 
 @wp.func
-def forget(L: Lists, row: int, i: int, k: int):
-    """Leaves no list of a collider out of reach for substeps that others follow."""
+def forget(L: Any, row: int, i: int, k: int):
+    """Leaves no list where lists end."""
     s = L.slot[row]
     if s >= 0 and k % L.every == 0:
-        L.radius[s * L.points + i] = float(-1.0)
+        L.radius[s * L.w.shape[0] + i] = float(-1.0)
 
 
 @cache
 def refresh(real):
-    """Function (c, L, i, row, k, q0, q1, near): makes the list of a row and point i where it ends, or would not do."""
-    t, Rows = types(real), tables(real)[0]
+    """Function (c, L, row, i, k, ends, near): makes the list of a row and point i where it ends, or would not do."""
+    Rows = tables(real)[0]
 
     @wp.func
-    def refresh(c: Rows, L: Lists, i: int, row: int, k: int, q0: t.vec3, q1: t.vec3, near: real):
+    def refresh(c: Rows, L: Any, row: int, i: int, k: int, ends: wp.types.matrix((2, 3), real), near: real):
         s = L.slot[row]
-        at = s * L.points + i
-        q = wp.vec3f(q1)
+        at = s * L.w.shape[0] + i
+        q = wp.vec3f(ends[1])
         begin = k % L.every
-        if begin == 0 or not wp.length(q - L.place[at]) + float(near) <= L.radius[at]:
+        if not wp.length(q - L.place[at]) + float(near) <= L.radius[at]:
             end = wp.min(k - begin + L.every, c.stride.shape[0])
             moved = float(0.0)
             for later in range(k + 1, end):
                 moved += float(c.stride[later, row])
-            more = AHEAD * float(end - k) * float(wp.length(q1 - q0)) + float(0.5) * float(c.skin)
+            more = AHEAD * float(end - k) * float(wp.length(ends[1] - ends[0])) + float(0.5) * float(c.skin)
             make(c.mesh[row], L, s, i, q, float(near) + more + float(2.0) * moved, moved)
 
     return refresh
 
 
 @wp.func
-def nearest(mesh: wp.uint64, L: Lists, s: int, i: int, q: wp.vec3f, near: float):
+def nearest(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, near: float):
     """(face nearer than `near` or -1, its distance [m])."""
-    count = L.count[s * L.points + i]
+    count = L.count[s * L.w.shape[0] + i]
     dist = float(FAR)
     first = int(-1)
     face = int(0)
     if count <= ROOM:
         for j in range(count):
-            dist, first = nearer(mesh, L.face[(s * ROOM + j) * L.points + i], q, dist, first)
+            dist, first = nearer(mesh, L.face[(s * ROOM + j) * L.w.shape[0] + i], q, dist, first)
     else:
         low, high = box(q, near)
         query = wp.mesh_query_aabb(mesh, low, high)
@@ -199,15 +189,15 @@ def nearest(mesh: wp.uint64, L: Lists, s: int, i: int, q: wp.vec3f, near: float)
 
 
 @wp.func
-def side(mesh: wp.uint64, L: Lists, s: int, i: int, q: wp.vec3f, nearest: int, dist: float):
+def side(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, nearest: int, dist: float):
     """1, or -1 where q is behind the surface: by the faces no further than the nearest one, but for rounding."""
     eps = float(1.0e-3) * edge_length(mesh)
-    count = L.count[s * L.points + i]
+    count = L.count[s * L.w.shape[0] + i]
     n = wp.vec3f()
     face = int(0)
     if count <= ROOM:
         for j in range(count):
-            n += weighted(mesh, L.face[(s * ROOM + j) * L.points + i], q, dist + eps, eps)
+            n += weighted(mesh, L.face[(s * ROOM + j) * L.w.shape[0] + i], q, dist + eps, eps)
     else:
         low, high = box(q, dist + eps)
         query = wp.mesh_query_aabb(mesh, low, high)
@@ -228,15 +218,15 @@ def sooner(mesh: wp.uint64, face: int, start: wp.vec3f, way: wp.vec3f, t: float,
 
 
 @wp.func
-def hit(mesh: wp.uint64, L: Lists, s: int, i: int, start: wp.vec3f, way: wp.vec3f, length: float):
+def hit(mesh: wp.uint64, L: Any, s: int, i: int, start: wp.vec3f, way: wp.vec3f, length: float):
     """The first face on a ray of that length, -1: none. Its end is q1, so that all it may meet is near there."""
-    count = L.count[s * L.points + i]
+    count = L.count[s * L.w.shape[0] + i]
     t = length
     first = int(-1)
     face = int(0)
     if count <= ROOM:
         for j in range(count):
-            t, first = sooner(mesh, L.face[(s * ROOM + j) * L.points + i], start, way, t, first)
+            t, first = sooner(mesh, L.face[(s * ROOM + j) * L.w.shape[0] + i], start, way, t, first)
     else:
         low, high = box(start + float(0.5) * length * way, float(0.5) * length)
         query = wp.mesh_query_aabb(mesh, low, high)
@@ -247,48 +237,46 @@ def hit(mesh: wp.uint64, L: Lists, s: int, i: int, start: wp.vec3f, way: wp.vec3
 
 @cache
 def touch_listed(kinds: tuple[str, ...], real):
-    """Function as `mesh.touch_mesh`, that asks the list of slot s and point i first; points that may have started inside
-    (`deep`) ask the tree, as far as `depth`."""
-    t, (corners, steps), cross, formula = types(real), reading(real), crossing(real), settled(real)
+    """Function (c, L, row, i, deep, ends, reach: r and margin) -> (C, n, p, s0, slip) of a point that goes from ends[0] to
+    ends[1], as `mesh.touch_mesh`, by its list; points that may have started inside (`deep`) ask the tree."""
+    t, Rows, (corners, steps), cross, formula = types(real), tables(real)[0], reading(real), crossing(real), settled(real)
     has_solid = "solid" in kinds
 
     @wp.func
-    def touch_listed(kind: int, mesh: wp.uint64, deep: int, depth: real, q0: t.vec3, q1: t.vec3, r: real, margin: real,
-                     L: Lists, s: int, i: int):
+    def touch_listed(c: Rows, L: Any, row: int, i: int, deep: int, ends: wp.types.matrix((2, 3), real), reach: t.vec2):
+        kind, mesh, s = c.kind[row], c.mesh[row], L.slot[row]
+        q1 = ends[1]
+        most = float(reach[0] + reach[1])
         C = real(1.0e30)
+        s0 = C
         n = q1
         p = q1
-        s0 = C
         slip = t.vec3()
         q = wp.vec3f(q1)
-        winding = float(0.0)                                  # by which a side is told, if not 0
-        face, near = nearest(mesh, L, s, i, q, float(margin + r))
+        sign = float(1.0)
+        face, near = nearest(mesh, L, s, i, q, most)
         if has_solid:
             if kind == SOLID and deep != 0:
                 face = -1
-                wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(float(margin + r), float(depth)))
+                wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(most, float(c.size[row][0])))
                 if wound.result:
                     face = wound.face
-                    winding = wound.sign
+                    sign = wound.sign
         if face >= 0:
             what, first = part(corners(mesh, face, 0), q1)
             X = corners(mesh, face, first)
             V = steps(mesh, face, first)
-            behind = bool(wp.dot(normal(X), q1 - X[0]) < real(0.0))
-            gap = real(1.0)
+            behind = what == INSIDE and wp.dot(normal(X), q1 - X[0]) < real(0.0)
             if has_solid:
-                if kind == SOLID:
-                    if winding == float(0.0) and what != INSIDE:
-                        winding = side(mesh, L, s, i, q, face, near)
-                    inner = behind
-                    if winding != float(0.0):
-                        inner = winding < float(0.0)
-                    if inner != (what == INSIDE and behind):
-                        gap = real(-1.0)
-            if kind != SOLID and what == INSIDE and behind:
-                gap = real(-1.0)
+                if kind == SOLID and deep == 0:
+                    sign = wp.where(behind, float(-1.0), float(1.0))
+                    if what != INSIDE:
+                        sign = side(mesh, L, s, i, q, face, near)
+            gap = real(sign)
+            if behind:
+                gap = -gap
             dist, _n, slip = toward(X, V, what, gap, q1)
-            start = q0 + slip
+            start = ends[0] + slip
             length = wp.length(q1 - start)
             Y = t.mat33()
             front = real(0.0)
@@ -296,7 +284,7 @@ def touch_listed(kinds: tuple[str, ...], real):
                 through = hit(mesh, L, s, i, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length))
                 if through >= 0:
                     Y, front = cross(kind, mesh, through, q1 - start)
-            C, n, p, s0, slip = formula(X, V, Y, what, t.vec2(gap, front), wp.matrix_from_rows(q0, q1), r)
+            C, n, p, s0, slip = formula(X, V, Y, what, t.vec2(gap, front), ends, reach[0])
         return C, n, p, s0, slip
 
     return touch_listed

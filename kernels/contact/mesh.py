@@ -189,7 +189,7 @@ def settled(real):
 def crossing(real):
     """Function (kind, mesh, face, way) -> (Y, front): corners of a face that a way goes through; 1, or -1 where that is from
     behind, 0 where a solid is left."""
-    t, (corners, steps) = types(real), reading(real)
+    t, (corners, _) = types(real), reading(real)
 
     @wp.func
     def crossing(kind: int, mesh: wp.uint64, face: int, way: t.vec3):

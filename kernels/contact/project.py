@@ -79,6 +79,13 @@ def tables(real):
         w: wp.array(dtype=t.scalar)               # inverse mass [1/kg]; 0: the point has no contacts
         reach: wp.array(dtype=t.scalar)           # distance that the point keeps [m]
         friction: wp.array(dtype=t.vec2)          # static, dynamic
+        # lists of candidates (kernels/contact/candidates.py), where there are some:
+        every: int                                # substeps of a list
+        slot: wp.array(dtype=int)                 # number among the meshes of its object, -1: convex, (rows,)
+        count: wp.array(dtype=int)                # faces of a list; more than ROOM: it has none, (slots * points,)
+        place: wp.array(dtype=wp.vec3f)           # q [m], (slots * points,)
+        radius: wp.array(dtype=float)             # R [m]; < 0: there is no list, (slots * points,)
+        face: wp.array(dtype=int)                 # face j of slot s and point i at (s * ROOM + j) * points + i
 
     return Rows, Points
 

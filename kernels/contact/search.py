@@ -21,7 +21,6 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.contact import candidates, collide
-from wsim.kernels.contact.candidates import Lists
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, read, slots, tables
 from wsim.kernels.math.real import types
@@ -151,24 +150,28 @@ def ahead(real):
 
 @cache
 def against(kinds: tuple[str, ...], real, listed: bool = False):
-    """Function (c, L, i, row, k, deep, reach, x, d) -> (C, margin, s0, n, way) of point i and the collider of a row in substep
-    k. They have a contact where C < margin; n and way are found only there. listed: faces of meshes are candidates' of L."""
-    t = types(real)
-    Rows, touch, (inside, outside) = tables(real)[0], collide.touch(collide.split(kinds)[0] if listed else kinds, real), frames(real)
-    among, refresh = candidates.touch_listed(collide.split(kinds)[1], real), candidates.refresh(real)
+    """Function (c, points, at: row, i and k, deep, x, d) -> (C, margin, s0, n, way) of point i and the collider of a row in
+    substep k. They have a contact where C < margin; n and way are found only there. listed: faces of meshes by lists."""
+    t, (shapes, meshes), (Rows, Points) = types(real), collide.split(kinds), tables(real)
+    touch, (inside, outside) = collide.touch(shapes if listed else kinds, real), frames(real)
+    among, refresh = candidates.touch_listed(meshes, real), candidates.refresh(real)
 
     @wp.func
-    def against(c: Rows, L: Lists, i: int, row: int, k: int, deep: int, reach: real, x: t.vec3, d: t.vec3):
+    def against(c: Rows, points: Points, at: wp.vec3i, deep: int, x: t.vec3, d: t.vec3):
+        row = at[0]
+        i = at[1]
+        k = at[2]
         T0 = c.pose[k, row]
         T1 = c.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
         margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-        r = reach + c.gap[row] - c.width                     # the hard contact behind a potential
+        r = points.reach[i] + c.gap[row] - c.width                     # the hard contact behind a potential
         C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
         if listed:
             if c.kind[row] >= SOLID:
-                refresh(c, L, i, row, k, q0, q1, margin + r)
-                C, m, p, s0, slip = among(c.kind[row], c.mesh[row], deep, c.size[row][0], q0, q1, r, margin, L, L.slot[row], i)
+                ends = wp.matrix_from_rows(q0, q1)
+                refresh(c, points, row, i, k, ends, margin + r)
+                C, m, p, s0, slip = among(c, points, row, i, deep, ends, t.vec2(r, margin))
         n = t.vec3()
         way = t.vec3()
         if C < margin:
@@ -199,15 +202,13 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
         push_out[j] = t.vec3()
 
     def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
-               struck_out: wp.array(dtype=real), L: Lists):
+               struck_out: wp.array(dtype=real)):
         i = wp.tid()
         k = at.k
         count, mark, carried = int(0), int(0), t.vec3()
         deep = c.deep[0] | (s.mark[i] & SUNK)
         if points.w[i] > real(0.0):
-            o = points.object[i]
-            x0 = at.x[i]
-            d0 = at.d[i]
+            o, x0, d0 = points.object[i], at.x[i], at.d[i]
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
             first = int(c.first[o])
             end = c.first[o + 1]
@@ -220,11 +221,11 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
                     row = first + j
                     if broad:
                         row = wp.where(rows[0] < NONE, rows[wp.min(j, ROOM - 1)], row)
+                    if listed:
+                        candidates.forget(points, row, i, k)
                     if not reachable(c.ball[k, row], x0, bound):
-                        if listed:
-                            candidates.forget(L, row, i, k)
                         continue
-                    C, margin, s0, n, way = meet(c, L, i, row, k, deep, points.reach[i], x0 + carried, d0)
+                    C, margin, s0, n, way = meet(c, points, wp.vec3i(row, i, k), deep, x0 + carried, d0)
                     if C < margin:
                         over = wp.max(-s0, real(0.0))
                         out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now

@@ -1,14 +1,14 @@
 """Lists of faces against the tree of a mesh: the same contacts, wherever and whenever a list was made."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import warp as wp
 
 from wsim.kernels.contact import candidates, mesh
-from wsim.kernels.contact.candidates import ROOM, Lists
+from wsim.kernels.contact.candidates import ROOM
 from wsim.kernels.contact.mesh import SHEET, SOLID
+from wsim.kernels.contact.project import tables
+from wsim.kernels.math.real import types
 
 KINDS = {"solid": SOLID, "sheet": SHEET}
 
@@ -34,29 +34,33 @@ def both(kind: str, real, points, triangles, ends: np.ndarray, strays: np.ndarra
     """What tree and list say of paths (n, 2, 3); lists are made `strays` away, with `radius`."""
     kinds = (kind,)
     plain, listed, number = mesh.touch_mesh(kinds, real), candidates.touch_listed(kinds, real), KINDS[kind]
-    vec = wp.types.vector(3, real)
+    t, (Rows, Points) = types(real), tables(real)
+    vec = t.vec3
     module = f"test_candidates_{kind}_{real.__name__}"
 
     @wp.kernel(module=module, enable_backward=False)
-    def ask(m: wp.uint64, L: Lists, q0: wp.array(dtype=vec), q1: wp.array(dtype=vec), stray: wp.array(dtype=vec), R: float,
+    def ask(c: Rows, L: Points, q0: wp.array(dtype=vec), q1: wp.array(dtype=vec), stray: wp.array(dtype=vec), R: float,
             out: wp.array2d(dtype=vec)):
         i = wp.tid()
-        candidates.make(m, L, 0, i, wp.vec3f(q1[i] + stray[i]), R, float(0.0))
+        m = c.mesh[0]
+        candidates.make(m, L, 0, i, wp.vec3f(q1[i] + stray[i]), R, 0.0)
         margin = wp.length(q1[i] - q0[i]) + real(0.002)
         C, n, p, s0, slip = plain(number, m, 0, real(1.0), q0[i], q1[i], real(0.01), margin)
         out[0, i] = vec(C, s0, real(0.0))
         out[1, i] = n
-        C, n, p, s0, slip = listed(number, m, 0, real(1.0), q0[i], q1[i], real(0.01), margin, L, 0, i)
+        C, n, p, s0, slip = listed(c, L, 0, i, 0, wp.matrix_from_rows(q0[i], q1[i]), t.vec2(real(0.01), margin))
         out[2, i] = vec(C, s0, real(0.0))
         out[3, i] = n
 
     surface = wp.Mesh(wp.array(points, dtype=wp.vec3f), wp.array(triangles.ravel(), dtype=int), support_winding_number=True)
-    n, L = len(ends), Lists()
-    L.every, L.points = 8, n
+    n, c, L = len(ends), Rows(), Points()
+    c.kind, c.mesh = wp.array([number], dtype=int), wp.array([surface.id], dtype=wp.uint64)
+    c.size = wp.array([(1.0, 0.0, 0.0)], dtype=vec)
+    L.w, L.slot = wp.ones(n, dtype=real), wp.zeros(1, dtype=int)
     L.count, L.place = wp.zeros(n, dtype=int), wp.zeros(n, dtype=wp.vec3f)
     L.radius, L.face = wp.zeros(n, dtype=float), wp.zeros(n * ROOM, dtype=int)
     out = wp.zeros((4, n), dtype=vec)
-    wp.launch(ask, n, [surface.id, L, *(wp.array(a, dtype=vec) for a in (ends[:, 0], ends[:, 1], strays)), radius, out])
+    wp.launch(ask, n, [c, L, *(wp.array(a, dtype=vec) for a in (ends[:, 0], ends[:, 1], strays)), radius, out])
     return out.numpy(), L.count.numpy()
 
 

@@ -28,7 +28,6 @@ from wsim.kernels.contact.collide import code
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
 from wsim.model.structs import filled
-from wsim.physics.contact import candidates
 from wsim.physics.contact.colliders import Rows, check
 from wsim.physics.contact.mesh import Mesh
 from wsim.physics.contact.poses import Poses
@@ -86,7 +85,6 @@ class Contacts:
             from wsim.physics.contact.broad import Tree
             self.tree = Tree(self.rows, self.table, self.device, real, module)
         self.poses = Poses(self.rows, self.table, self.device, real)
-        self.lists = candidates.none()
         self._load(module, struck is not None)
         self._points(bodies)
         self._frame(substeps, dt)
@@ -226,7 +224,7 @@ class Contacts:
         if k == 1 and self.adjoint is None and "solid" in self.kinds:
             self.zero(self.table.deep)                   # what started inside is marked, and looked for as deep as before
         self.launch(self.search_kernel, self.count, [self.table, self.points, self.read(x=x, d=d, a=a, k=k)],
-                    [self.slots, d, a, self.push, self.struck, self.lists])
+                    [self.slots, d, a, self.push, self.struck])
 
     def read(self, **arrays):
         return filled(kernels.read(self.real), **arrays)

@@ -177,7 +177,7 @@ class ContactAdjoint:
         c = self.contacts
         c.shape(found.at.k)
         again = filled(slots(self.model.real), **values(c.slots) | {"wanted": self.wanted})
-        self.model.launch(c.search_kernel, c.count, [c.table, c.points, found.at], [again, self.d, self.a, self.push, None, c.lists])
+        self.model.launch(c.search_kernel, c.count, [c.table, c.points, found.at], [again, self.d, self.a, self.push, None])
         for array in (self.n, self.b, self.u):
             array.zero_()
 

@@ -68,11 +68,7 @@ class Contact(Method):
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
         self.contacts.launch, self.contacts.zero = model.launch, model.zero
-        if points.integrator.explicit and not model.gradients:
-            from wsim.physics.contact.candidates import listed
-            listed(self.contacts, model.module)
-        if movers is None:
-            self.contacts.smooth(model.scene, points.integrator.explicit)
+        self.short(points.integrator.explicit)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
@@ -94,6 +90,14 @@ class Contact(Method):
         if movers:
             movers.join(self)
         self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
+
+    def short(self, explicit: bool) -> None:
+        """What explicit steps have, which are many and short."""
+        if self.movers is None:
+            self.contacts.smooth(self.model.scene, explicit)
+        if explicit and not self.model.gradients:
+            from wsim.physics.contact.broad import listed
+            listed(self.contacts, self.model.module)
 
     def part(self, clearance) -> None:
         """Frames with contacts from those without."""
