@@ -35,9 +35,9 @@ TRIED = 8              # substeps from which the kernels of a frame follow
 # 132 x 512 87, the cluster 142
 THREADS, FEWER = 512, 128
 LARGEST = 200_000      # items of a phase from which launches are no more what counts
-# points up to which it is the default, of elements. H100, ms a frame, launched and fused: squeezed cube
+# points up to which it is the default, of elements on anything but a mesh. H100, ms a frame, launched and fused: squeezed cube
 # (343 points) 9.3, 6.3; flag (925) 9.2, 6.9; bear (961) 1.6, 1.0; sheet of 33 x 33 (1089) 3.7, 3.2, damped 21.3, 17.4; cape
-# (1705) 36, 28; the shirt (6436) hung 25.8, 22.9, on its dummy, a mesh, 94, 102
+# (1705) 36, 28; the shirt (6436) hung 25.8, 22.9, on its dummy, a mesh, with lists of candidates 65, 87 (94, 102 without)
 MOST = 8192
 SHARE = 200            # items of the widest phase that a CPU thread is worth
 
