@@ -207,6 +207,8 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
         k = at.k
         count, mark, carried = int(0), int(0), t.vec3()
         deep = c.deep[0] | (s.mark[i] & SUNK)
+        if listed:
+            candidates.ends(points, i, k)
         if points.w[i] > real(0.0):
             o, x0, d0 = points.object[i], at.x[i], at.d[i]
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
@@ -221,8 +223,6 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
                     row = first + j
                     if broad:
                         row = wp.where(rows[0] < NONE, rows[wp.min(j, ROOM - 1)], row)
-                    if listed:
-                        candidates.forget(points, row, i, k)
                     if not reachable(c.ball[k, row], x0, bound):
                         continue
                     C, margin, s0, n, way = meet(c, points, wp.vec3i(row, i, k), deep, x0 + carried, d0)

@@ -33,11 +33,12 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact import candidates, mesh
+from wsim.kernels.contact import mesh
 from wsim.kernels.contact.collide import split
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import read, slots, tables
 from wsim.kernels.contact.shape import distance
+from wsim.kernels.math.face import away as face_away
 from wsim.kernels.math.real import types
 
 FREE = 1.0e30          # [m] of a point that has no contacts
@@ -120,7 +121,7 @@ def away(kinds: tuple[str, ...], real):
                     far = float(real(3.0) * ball[3])
                     face, sign = nearest(kind, c.mesh[row], wp.vec3f(q), far, deep, far)
                     if face >= 0:
-                        dist, _p = candidates.away(c.mesh[row], face, wp.vec3f(q))
+                        dist, _p = face_away(c.mesh[row], face, wp.vec3f(q))
                         D = wp.max(D, real(sign * dist))
         most = wp.abs(apart[0]) + wp.abs(apart[1]) + wp.abs(apart[2])      # no less than its length, and no root
         return wp.min(D, most) - (loss[0] + loss[1] * most)

@@ -5,10 +5,10 @@ import pytest
 import warp as wp
 
 from wsim.kernels.contact import candidates, mesh
-from wsim.kernels.contact.candidates import ROOM
 from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.contact.project import tables
 from wsim.kernels.math.real import types
+from wsim.physics.contact.broad import ROOM
 
 KINDS = {"solid": SOLID, "sheet": SHEET}
 
@@ -58,6 +58,7 @@ def both(kind: str, real, points, triangles, ends: np.ndarray, strays: np.ndarra
     c.size = wp.array([(1.0, 0.0, 0.0)], dtype=vec)
     L.w, L.slot = wp.ones(n, dtype=real), wp.zeros(1, dtype=int)
     L.count, L.place = wp.zeros(n, dtype=int), wp.zeros(n, dtype=wp.vec3f)
+    L.room, L.far = ROOM, wp.zeros(n * ROOM, dtype=float)
     L.radius, L.face = wp.zeros(n, dtype=float), wp.zeros(n * ROOM, dtype=int)
     out = wp.zeros((4, n), dtype=vec)
     wp.launch(ask, n, [c, L, *(wp.array(a, dtype=vec) for a in (ends[:, 0], ends[:, 1], strays)), radius, out])

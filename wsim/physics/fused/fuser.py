@@ -220,6 +220,8 @@ def apart(model: Model, reasons: dict[str, str]) -> str:
         return "gradients are recorded launch by launch"
     if any(m.yield_strain < inf for soft in model.scene.softs for m in soft.materials):
         return "tets flow"
+    if model.device.is_cuda and any(isinstance(c.shape, Surface) and c.shape.poses is not None for c in model.scene.colliders):
+        return "a mesh deforms, whose tree is fitted launch by launch"
     others = sorted(name for name, reason in reasons.items() if reason and name not in KNOWN)
     return f"{', '.join(others)} cannot be fused" if others else ""
 
