@@ -186,11 +186,31 @@ def settled(real):
 
 
 @cache
+def crossing(real):
+    """Function (kind, mesh, face, way) -> (Y, front): corners of a face that a way goes through; 1, or -1 where that is from
+    behind, 0 where a solid is left."""
+    t, (corners, _) = types(real), reading(real)
+
+    @wp.func
+    def crossing(kind: int, mesh: wp.uint64, face: int, way: t.vec3):
+        Y = corners(mesh, face, 0)
+        front = real(0.0)
+        fall = wp.dot(normal(Y), way)
+        if fall < real(0.0):                                  # a solid is entered through the front of a face
+            front = real(1.0)
+        if fall > real(0.0) and kind == SHEET:
+            front = real(-1.0)
+        return Y, front
+
+    return crossing
+
+
+@cache
 def look(kinds: tuple[str, ...], real):
     """Function (kind, mesh, deep, depth, q0, q1, most) -> (X, V, Y, what, sides, faces), see above; what < 0: no face within
     `most` [m] of q1. sides: 1, or -1 where the point is behind the face, or on the inner side of a closed mesh; 0, or the side
     of the face that is crossed. faces: the nearest one, which of its corners is X_0, and the one that is crossed."""
-    t, search, (corners, steps) = types(real), nearest(kinds), reading(real)
+    t, search, (corners, steps), cross = types(real), nearest(kinds), reading(real), crossing(real)
 
     @wp.func
     def look(kind: int, mesh: wp.uint64, deep: int, depth: real, q0: t.vec3, q1: t.vec3, most: real):
@@ -218,13 +238,8 @@ def look(kinds: tuple[str, ...], real):
             if wp.abs(dist) < length:
                 ray = wp.mesh_query_ray(mesh, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length))
                 if ray.result:
-                    Y = corners(mesh, ray.face, 0)
                     faces[2] = ray.face
-                    fall = wp.dot(normal(Y), q1 - start)
-                    if fall < real(0.0):                      # a solid is entered through the front of a face
-                        front = real(1.0)
-                    if fall > real(0.0) and kind == SHEET:
-                        front = real(-1.0)
+                    Y, front = cross(kind, mesh, ray.face, q1 - start)
         return X, V, Y, what, t.vec2(side, front), faces
 
     return look

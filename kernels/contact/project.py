@@ -79,6 +79,19 @@ def tables(real):
         w: wp.array(dtype=t.scalar)               # inverse mass [1/kg]; 0: the point has no contacts
         reach: wp.array(dtype=t.scalar)           # distance that the point keeps [m]
         friction: wp.array(dtype=t.vec2)          # static, dynamic
+        # lists of candidates (kernels/contact/candidates.py), where there are some:
+        every: int                                # substeps of a list
+        slot: wp.array(dtype=int)                 # number among the meshes of its object, -1: convex, (rows,)
+        room: int                                 # faces that a list has room for
+        wanted: wp.array(dtype=int)               # most faces near a point that has no room for them, if there is one, (1,)
+        count: wp.array(dtype=int)                # faces of a list; more than `room`: it has none, (slots * points,)
+        place: wp.array(dtype=wp.vec3f)           # q [m], (slots * points,)
+        radius: wp.array(dtype=float)             # R [m]; < 0: there is no list, (slots * points,)
+        face: wp.array(dtype=int)                 # face j of slot s and point i at (s * room + j) * points + i
+        far: wp.array(dtype=float)                # D, less what the mesh may move [m]
+        still: wp.array(dtype=int)                # 1: the mesh keeps its shape, (rows,)
+        told: wp.array(dtype=wp.vec3f)            # where the winding number was asked for [m], (slots * points,)
+        sign: wp.array(dtype=float)               # what it said; 0: nothing
 
     return Rows, Points
 

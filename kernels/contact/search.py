@@ -20,7 +20,8 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact import collide
+from wsim.kernels.contact import candidates, collide
+from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, read, slots, tables
 from wsim.kernels.math.real import types
 
@@ -148,20 +149,29 @@ def ahead(real):
 
 
 @cache
-def against(kinds: tuple[str, ...], real):
-    """Function (c, row, k, deep, reach, x, d) -> (C, margin, s0, n, way) of a point and the collider of a row in substep k.
-    They have a contact where C < margin; n and way are found only there."""
-    t = types(real)
-    Rows, touch, (inside, outside) = tables(real)[0], collide.touch(kinds, real), frames(real)
+def against(kinds: tuple[str, ...], real, listed: bool = False):
+    """Function (c, points, at: row, i and k, deep, x, d) -> (C, margin, s0, n, way) of point i and the collider of a row in
+    substep k. They have a contact where C < margin; n and way are found only there. listed: faces of meshes by lists."""
+    t, (shapes, meshes), (Rows, Points) = types(real), collide.split(kinds), tables(real)
+    touch, (inside, outside) = collide.touch(shapes if listed else kinds, real), frames(real)
+    among, refresh = candidates.touch_listed(meshes, real), candidates.refresh(real)
 
     @wp.func
-    def against(c: Rows, row: int, k: int, deep: int, reach: real, x: t.vec3, d: t.vec3):
+    def against(c: Rows, points: Points, at: wp.vec3i, deep: int, x: t.vec3, d: t.vec3):
+        row = at[0]
+        i = at[1]
+        k = at[2]
         T0 = c.pose[k, row]
         T1 = c.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
         margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-        r = reach + c.gap[row] - c.width                     # the hard contact behind a potential
+        r = points.reach[i] + c.gap[row] - c.width                     # the hard contact behind a potential
         C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
+        if listed:
+            if c.kind[row] >= SOLID:
+                ends = wp.matrix_from_rows(q0, q1)
+                refresh(c, points, row, i, k, ends, margin + r)
+                C, m, p, s0, slip = among(c, points, row, i, deep, ends, t.vec2(r, margin))
         n = t.vec3()
         way = t.vec3()
         if C < margin:
@@ -172,14 +182,15 @@ def against(kinds: tuple[str, ...], real):
 
 
 @cache
-def search(kinds: tuple[str, ...], real, module, broad: bool = False):
-    """Kernel over points: contacts of substep k. Reads x, d, a. broad: colliders are found by the tree of the table.
+def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bool = False):
+    """Kernel over points: contacts of substep k. Reads x, d, a. broad: colliders are found by the tree of the table. listed:
+    faces of meshes by lists, see kernels/contact/candidates.py.
 
     d_out, a_out   written where a point is carried out of an overlap       push_out   of its contacts: zeroed
     struck_out     (may be None) not 0 where a point is in an overlap"""
-    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}"
+    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}{'_listed' * listed}"
     Rows, Points = tables(real)
-    Slots, Read, meet, near = slots(real), read(real), against(kinds, real), ahead(real) if broad else None
+    Slots, Read, meet, near = slots(real), read(real), against(kinds, real, listed), ahead(real) if broad else None
     vectors = wp.array(dtype=t.vec3)
 
     @wp.func
@@ -196,10 +207,10 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False):
         k = at.k
         count, mark, carried = int(0), int(0), t.vec3()
         deep = c.deep[0] | (s.mark[i] & SUNK)
+        if listed:
+            candidates.ends(points, i, k)
         if points.w[i] > real(0.0):
-            o = points.object[i]
-            x0 = at.x[i]
-            d0 = at.d[i]
+            o, x0, d0 = points.object[i], at.x[i], at.d[i]
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
             first = int(c.first[o])
             end = c.first[o + 1]
@@ -214,7 +225,7 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False):
                         row = wp.where(rows[0] < NONE, rows[wp.min(j, ROOM - 1)], row)
                     if not reachable(c.ball[k, row], x0, bound):
                         continue
-                    C, margin, s0, n, way = meet(c, row, k, deep, points.reach[i], x0 + carried, d0)
+                    C, margin, s0, n, way = meet(c, points, wp.vec3i(row, i, k), deep, x0 + carried, d0)
                     if C < margin:
                         over = wp.max(-s0, real(0.0))
                         out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now

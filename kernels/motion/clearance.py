@@ -2,7 +2,8 @@
 contacts.
 
     x0   position where the frame begins [m]      T_k  pose of a collider at substep k, c_k its centre, R the radius about it
-    D    lower bound of the distance of x0 from the collider in T_0 [m]: of convex shapes the distance, of meshes the ball's
+    D    distance of x0 from the collider in T_0 [m], < 0 inside; of meshes more than their ball's radius away from it, the
+         ball's
     s    max_k |c_k - c_0|,  S = max_k |R_k - R_0|       w  max_k |c_(k+1) - c_k|,  W = max_k |R_(k+1) - R_k|
 
 A point of the collider moves by at most s + S L in the frame, L = R (of a plane, where all that counts is the turn of its
@@ -32,10 +33,12 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.contact import mesh
 from wsim.kernels.contact.collide import split
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import read, slots, tables
 from wsim.kernels.contact.shape import distance
+from wsim.kernels.math.face import away as face_away
 from wsim.kernels.math.real import types
 
 FREE = 1.0e30          # [m] of a point that has no contacts
@@ -95,21 +98,31 @@ def sweeps(real, module):
 
 @cache
 def away(kinds: tuple[str, ...], real):
-    """Function (T0, ball, loss, kind, size, x) -> D - s - S L - 2 V - gap of a point at x and a collider."""
-    t, (convex, meshes) = types(real), split(kinds)
-    shaped, meshed, formula = bool(convex), bool(meshes), distance(convex)
+    """Function (c, m, row, T0, deep, x) -> D - s - S L - 2 V - gap of a point at x and the collider of a row. deep: whether
+    meshes may hold it from the start."""
+    t, (convex, meshes), Rows, Movements = types(real), split(kinds), tables(real)[0], movements(real)
+    shaped, meshed, formula, nearest = bool(convex), bool(meshes), distance(convex), mesh.nearest(meshes)
 
     @wp.func
-    def away(T0: t.transform, ball: t.vec4, loss: t.vec2, kind: int, size: t.vec3, x: t.vec3):
+    def away(c: Rows, m: Movements, row: int, T0: t.transform, deep: int, x: t.vec3):
+        kind = c.kind[row]
+        ball = m.ball[row]
+        loss = m.loss[row]
         q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - wp.transform_get_translation(T0))
         apart = q - t.vec3(ball[0], ball[1], ball[2])
         D = real(-FREE)
         if shaped:
             if kind < SOLID:
-                D, n = formula(kind, size, q)
+                D, n = formula(kind, c.size[row], q)
         if meshed:
             if kind >= SOLID:
                 D = wp.length(apart) - ball[3]
+                if D < ball[3]:                               # the surface itself: a mesh is rarely as its ball
+                    far = float(real(3.0) * ball[3])
+                    face, sign = nearest(kind, c.mesh[row], wp.vec3f(q), far, deep, far)
+                    if face >= 0:
+                        dist, _p = face_away(c.mesh[row], face, wp.vec3f(q))
+                        D = wp.max(D, real(sign * dist))
         most = wp.abs(apart[0]) + wp.abs(apart[1]) + wp.abs(apart[2])      # no less than its length, and no root
         return wp.min(D, most) - (loss[0] + loss[1] * most)
 
@@ -132,7 +145,7 @@ def clearance(kinds: tuple[str, ...], real, module):
         if points.w[i] > real(0.0):
             o = points.object[i]
             for row in range(c.first[o], c.first[o + 1]):
-                room = of(c.pose[0, row], m.ball[row], m.loss[row], c.kind[row], c.size[row], at.x[i])
+                room = of(c, m, row, c.pose[0, row], c.deep[0], at.x[i])
                 found = wp.min(found, room)
                 later = wp.min(later, room - (m.loss[row][0] - c.gap[row]))
             kept = points.reach[i] + real(2.0) * c.skin
@@ -180,7 +193,7 @@ def near(kinds: tuple[str, ...], real, module):
             need = ahead * wp.length(v[i]) + points.reach[i] + real(2.0) * c.skin
             for row in range(c.first[o], c.first[o + 1]):
                 T1 = c.pose[c.ball.shape[0], row]
-                if not need <= of(T1, m.ball[row], m.loss[row], c.kind[row], c.size[row], x[i]):
+                if not need <= of(c, m, row, T1, 0, x[i]):
                     mark = NEAR
             s.mark[i] = mark
         if mark != 0:

@@ -1,9 +1,11 @@
-"""On a GPU: poses of many colliders and their broad phase, captured, are those of the CPU. Skipped where there is no device."""
+"""On a GPU: poses of many colliders and their broad phase, captured, are those of the CPU; lists of faces of meshes.
+Skipped where there is no device."""
 
 import numpy as np
 import pytest
 import warp as wp
 
+from tests.physics.contact.test_candidate_lists import Pair, apart
 from tests.physics.contact.test_poses import crowd, met, mixed, table, tried
 from wsim.physics.contact import contacts
 
@@ -32,3 +34,10 @@ def test_a_broad_phase_changes_no_bit(monkeypatch, precision):
         assert (c.tree is None) == (many == 10**9)
         found.append(result)
     assert all(np.array_equal(tree, each) for tree, each in zip(*found, strict=True))
+
+
+@pytest.mark.parametrize("shape, how", [("blob", "moves"), ("blob", "deforms"), ("slab", "moves"), ("fine", "stands")])
+def test_lists_find_what_a_search_of_the_whole_mesh_finds(shape, how):
+    pair = Pair(np.random.default_rng(3), shape, how, device="cuda:0")
+    met, differ = np.sum([apart(*found) for found in pair.substeps()], axis=0)
+    assert met > 150 and differ == 0

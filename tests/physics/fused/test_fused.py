@@ -16,6 +16,7 @@ from wsim.physics.fused import fuser
 from wsim.physics.fused.program import Numbers, phases
 from wsim.physics.fused.recorder import Recorder
 from wsim.scene import Motion, Plane, Scene, Sphere, Surface, shapes
+from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
 
 CLOTH = Fabric(stretch=300.0, shear=100.0, bend=1e-3, thickness=2e-3, damping=1e-4)
@@ -61,6 +62,18 @@ def cube() -> Scene:
     return scene
 
 
+def mesh() -> Scene:
+    """A sheet that a turning block, a mesh, is drawn through."""
+    scene = sheet()
+    turned = np.eye(4)
+    turned[:3, :3] = [[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]]
+    points = np.array([(x, y, z) for x in (-0.1, 0.1) for y in (-0.04, 0.04) for z in (-0.1, 0.1)])
+    quads = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
+    scene.collider("/block", Surface(points, [4] * 6, quads),
+                   motion=Motion([0.0, 1.0], [moved(0.0, -0.045, 0.0), turned @ moved(0.05, 0.4, 0.0)]))
+    return scene
+
+
 def jelly() -> Scene:
     """Damped Neo-Hookean tets that a pin drags over a ball which moves."""
     scene = Scene(solver="explicit")
@@ -80,7 +93,8 @@ def staged() -> Scene:
     return scene
 
 
-SCENES = {"staged": staged, "sheet": sheet, "blown": blown, "everything": everything, "cube": cube, "jelly": jelly}
+SCENES = {"staged": staged, "sheet": sheet, "blown": blown, "everything": everything, "cube": cube, "jelly": jelly,
+          "mesh": mesh}
 
 
 def run(scene: Scene, precision: str, monkeypatch, fused: bool, frames: int = 3):
@@ -93,7 +107,7 @@ def run(scene: Scene, precision: str, monkeypatch, fused: bool, frames: int = 3)
     return sim.state.x.numpy(), sim.state.v.numpy(), sim
 
 
-@pytest.mark.parametrize("name, precision", [("everything", "float32"),
+@pytest.mark.parametrize("name, precision", [("everything", "float32"), ("mesh", "float32"),
                                              *(pytest.param(*more, marks=pytest.mark.slow) for more in (
                                                  ("staged", "float32"), ("cube", "float32"), ("jelly", "float32"),
                                                  ("sheet", "float64"), ("blown", "float32"), ("everything", "float64"),
@@ -157,3 +171,15 @@ def test_elements_of_some_points_are_fused_on_a_gpu_but_not_on_a_mesh(monkeypatc
     assert paid(cube()) and paid(sheet()) and not paid(on_mesh) and not paid(net, False)
     monkeypatch.setattr(fuser, "MOST", 10)
     assert not paid(cube())
+
+
+def test_a_mesh_that_deforms_is_launched_apart_on_a_gpu():
+    """Its tree is refitted by Warp, which is no kernel."""
+    points, counts, indices = shapes.sphere(0.1, 4)
+    for poses in (None, Curve([0.0, 1.0], [points, 1.1 * points])):
+        scene = cube()
+        scene.collider("/mesh", Surface(points, counts, indices, poses=poses))
+        model = models.build(scene, 1, wp.get_device("cpu"), wp.float32)
+        assert fuser.apart(model, {}) == ""
+        model.device = SimpleNamespace(is_cuda=True)
+        assert ("deforms" in fuser.apart(model, {})) == (poses is not None)

@@ -12,7 +12,7 @@ their speed, colliders going on as they do: the next one would be repeated. Wher
 something, the frame has contacts for all.
 
 Always with contacts: colliders that throw points back, meshes that deform, so many colliders that a tree finds them, and
-recordings with gradients. Meshes are as large as their bounding balls here.
+recordings with gradients.
 """
 
 import numpy as np

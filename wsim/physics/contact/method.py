@@ -10,6 +10,7 @@ import numpy as np
 from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.vjp import beside
+from wsim.physics.contact import broad
 from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 ROOM = "contacts wanted by a point"       # status word, where there was not room for as many
+FACES = "faces near a point"              # status word, of a mesh collider, where lists have not room for as many
 
 
 def faces(body) -> np.ndarray:
@@ -68,12 +70,12 @@ class Contact(Method):
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
         self.contacts.launch, self.contacts.zero = model.launch, model.zero
-        if movers is None:
-            self.contacts.smooth(model.scene, points.integrator.explicit)
+        self.short(points.integrator.explicit)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
         status.reserve(ROOM)
+        status.reserve(FACES)
         n, size, moving = model.points, np.dtype(model.dtype).itemsize, 2 * sum(
             m.moves for m in self.contacts.meshes.values())
         tree = self.contacts.tree is not None
@@ -91,6 +93,13 @@ class Contact(Method):
         if movers:
             movers.join(self)
         self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
+
+    def short(self, explicit: bool) -> None:
+        """What explicit steps have, which are many and short."""
+        if self.movers is None:
+            self.contacts.smooth(self.model.scene, explicit)
+        if explicit and not self.model.gradients:
+            broad.listed(self.contacts, self.model.module)
 
     def part(self, clearance) -> None:
         """Frames with contacts from those without."""
@@ -143,6 +152,7 @@ class Contact(Method):
 
     def meet(self, others: Methods) -> None:
         self.contacts.tell(self.status.word(ROOM))
+        self.contacts.points.wanted = self.status.word(FACES)
         if self.bounce:
             self.bounce.meet(others)
         terms, adjoint = others.find("terms"), others.find("adjoint")
@@ -164,12 +174,16 @@ class Contact(Method):
     def retry(self, status: Status) -> list[Remedy]:
         if self.clearance and self.clearance.hear():
             return [Remedy("meet")]
-        wanted = int(status.said(ROOM)[0])
+        wanted, faces, points = int(status.said(ROOM)[0]), int(status.said(FACES)[0]), self.contacts.points
 
         def grow() -> str:
             grown = self.contacts.grow(wanted)
             return f"a point touches {wanted} colliders at once, more than there was room for" if grown else ""
-        return [Remedy("grow", grow)] if wanted else []
+
+        def lists() -> str:
+            grown = broad.roomier(points, faces)
+            return f"{faces} faces of meshes are near a point, more than there was room for" if grown else ""
+        return [Remedy("grow", act) for act, some in ((grow, wanted), (lists, min(faces, broad.MOST) > points.room)) if some]
 
     def resumed(self, time: float) -> None:
         self.contacts.time = time

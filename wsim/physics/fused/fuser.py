@@ -37,7 +37,7 @@ THREADS, FEWER = 512, 128
 LARGEST = 200_000      # items of a phase from which launches are no more what counts
 # points up to which it is the default, of elements on anything but a mesh. H100, ms a frame, launched and fused: squeezed cube
 # (343 points) 9.3, 6.3; flag (925) 9.2, 6.9; bear (961) 1.6, 1.0; sheet of 33 x 33 (1089) 3.7, 3.2, damped 21.3, 17.4; cape
-# (1705) 36, 28; the shirt (6436) hung 25.8, 22.9, on its dummy, a mesh, 94, 102
+# (1705) 36, 28; the shirt (6436) hung 25.8, 22.9, on its dummy, a mesh, with lists of candidates 65, 87 (94, 102 without)
 MOST = 8192
 SHARE = 200            # items of the widest phase that a CPU thread is worth
 
@@ -220,6 +220,8 @@ def apart(model: Model, reasons: dict[str, str]) -> str:
         return "gradients are recorded launch by launch"
     if any(m.yield_strain < inf for soft in model.scene.softs for m in soft.materials):
         return "tets flow"
+    if model.device.is_cuda and any(isinstance(c.shape, Surface) and c.shape.poses is not None for c in model.scene.colliders):
+        return "a mesh deforms, whose tree is fitted launch by launch"
     others = sorted(name for name, reason in reasons.items() if reason and name not in KNOWN)
     return f"{', '.join(others)} cannot be fused" if others else ""
 

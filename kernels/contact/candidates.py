@@ -1,0 +1,275 @@
+"""Candidates: the faces of mesh colliders that a point may come near in many substeps, listed once.
+
+    q   place of a point in a mesh's own frame [m]         near   within which a substep looks for faces about q1 [m]
+
+Where a list is made, at q, it holds every face within R of q, with what the mesh moves in its own frame until the list ends
+taken off (`stride`). A later substep looks within `near` of q1 alone: as long as |q1 - q| + near <= R every face that it could
+find is in the list, and it looks no further than there. Lists end after `every` substeps, and are made where one is asked for,
+or by a point that went further than was thought. Where a list has no room for all of its faces, half of the way to spare is
+tried, a fourth, an eighth; where there are too many even so it is none: the tree is asked, and the host makes room.
+
+Faces stand by their distances D from q, ascending, and are read as long as D - |q1 - q| is within what is looked for.
+
+In overlaps the side follows from the winding number, which costs a hundred times as much. It is asked for once: while the mesh
+keeps its shape, the side is another only where the straight way from there crosses a face, and those that it could are listed.
+
+List and tree give the same faces to the same rule, so the bits do not depend on where lists were made: the nearest face, of
+equal ones the first; the side by the angle-weighted normals (Baerentzen, Aanaes 2005) of all faces as near as it, as Warp's
+mesh_query_point_sign_normal weighs them; the first face of a ray. A face alone under a point's inside needs no weighing.
+"""
+
+# Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch
+# before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, normal, part, reading, settled, toward
+from wsim.kernels.contact.project import tables
+from wsim.kernels.math.face import FAR, SLACK, away, box, edge_length, nearer, sooner, through, weighted
+from wsim.kernels.math.real import types
+
+AHEAD = 2.0            # of the motion that a point would have until its list ends, at the speed that it has when it is made
+HALVES = 3             # tries with less to spare
+
+
+@wp.func
+def put(L: Any, first: int, count: int, dist: float, face: int):
+    """Puts a face into a list of `count` that begins at `first`, by its distance."""
+    n = L.w.shape[0]
+    j = int(count)
+    while j > 0 and L.far[first + (j - 1) * n] > dist:
+        L.far[first + j * n] = L.far[first + (j - 1) * n]
+        L.face[first + j * n] = L.face[first + (j - 1) * n]
+        j -= 1
+    L.far[first + j * n] = dist
+    L.face[first + j * n] = face
+
+
+@wp.func
+def make(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, radius: float, moved: float):
+    """Makes the list of slot s and point i: the faces within `radius` of q; moved: what the mesh may move meanwhile [m].
+    Returns their number."""
+    face = int(0)
+    count = int(0)
+    low, high = box(q, radius)
+    query = wp.mesh_query_aabb(mesh, low, high)
+    while wp.mesh_query_aabb_next(query, face):
+        dist, _p = away(mesh, face, q)
+        if dist <= radius:
+            if count < L.room:
+                put(L, s * L.room * L.w.shape[0] + i, count, dist - moved, face)
+            count += 1
+    at = s * L.w.shape[0] + i
+    L.count[at] = count
+    L.place[at] = q
+    L.radius[at] = radius - moved
+    return count
+
+
+@wp.func
+def ends(L: Any, i: int, k: int):
+    """Ends the lists of a point that others follow, and what was known of a frame before."""
+    if k % L.every == 0:
+        for s in range(L.count.shape[0] // L.w.shape[0]):
+            L.radius[s * L.w.shape[0] + i] = float(-1.0)
+            if k == 0:
+                L.sign[s * L.w.shape[0] + i] = float(0.0)
+
+
+@wp.func
+def within(L: Any, at: int, q: wp.vec3f, reach: float):
+    """Distance from where a list was made that no face goes beyond which is within `reach` of q."""
+    gone = wp.length(q - L.place[at])
+    return reach + gone + SLACK * (gone + wp.max(wp.abs(q)))
+
+
+@cache
+def refresh(real):
+    """Function (c, L, row, i, k, ends, near): makes the list of a row and point i where it ends, or would not do."""
+    Rows = tables(real)[0]
+
+    @wp.func
+    def refresh(c: Rows, L: Any, row: int, i: int, k: int, ends: wp.types.matrix((2, 3), real), near: real):
+        s = L.slot[row]
+        at = s * L.w.shape[0] + i
+        q = wp.vec3f(ends[1])
+        if not wp.length(q - L.place[at]) + float(near) <= L.radius[at]:
+            end = wp.min(k - k % L.every + L.every, c.stride.shape[0])
+            moved = float(0.0)
+            for later in range(k + 1, end):
+                moved += float(c.stride[later, row])
+            spare = AHEAD * float(end - k) * float(wp.length(ends[1] - ends[0])) + float(0.5) * float(c.skin) + moved
+            tries = int(0)
+            while make(c.mesh[row], L, s, i, q, float(near) + moved + spare, moved) > L.room and tries < HALVES:
+                spare *= float(0.5)
+                tries += 1
+            if L.count[at] > L.room:
+                wp.atomic_max(L.wanted, 0, L.count[at])
+
+    return refresh
+
+
+@wp.func
+def nearest(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, near: float):
+    """(face nearer than `near` or -1, its distance [m])."""
+    count = L.count[s * L.w.shape[0] + i]
+    gone = within(L, s * L.w.shape[0] + i, q, 0.0)
+    dist = float(FAR)
+    first = int(-1)
+    face = int(0)
+    if count <= L.room:
+        for j in range(count):
+            at = (s * L.room + j) * L.w.shape[0] + i
+            if L.far[at] - gone > wp.min(dist, near):
+                break
+            dist, first = nearer(mesh, L.face[at], q, dist, first)
+    else:
+        low, high = box(q, near)
+        query = wp.mesh_query_aabb(mesh, low, high)
+        while wp.mesh_query_aabb_next(query, face):
+            dist, first = nearer(mesh, face, q, dist, first)
+    if not dist < near:
+        first = -1
+    return first, dist
+
+
+@wp.func
+def side(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, nearest: int, dist: float):
+    """1, or -1 where q is behind the surface: by the faces no further than the nearest one, but for rounding."""
+    eps = float(1.0e-3) * edge_length(mesh)
+    count = L.count[s * L.w.shape[0] + i]
+    n = wp.vec3f()
+    face = int(0)
+    if count <= L.room:
+        last = within(L, s * L.w.shape[0] + i, q, dist + eps)
+        for j in range(count):
+            at = (s * L.room + j) * L.w.shape[0] + i
+            if L.far[at] > last:
+                break
+            n += weighted(mesh, L.face[at], q, dist + eps, eps)
+    else:
+        low, high = box(q, dist + eps)
+        query = wp.mesh_query_aabb(mesh, low, high)
+        while wp.mesh_query_aabb_next(query, face):
+            n += weighted(mesh, face, q, dist + eps, eps)
+    _dist, p = away(mesh, nearest, q)
+    return wp.where(wp.dot(n, q - p) > float(0.0), float(1.0), float(-1.0))
+
+
+@wp.func
+def hit(mesh: wp.uint64, L: Any, s: int, i: int, start: wp.vec3f, way: wp.vec3f, length: float):
+    """The first face on a ray of that length, -1: none. Its end is q1, so that all it may meet is near there."""
+    count = L.count[s * L.w.shape[0] + i]
+    t = length
+    first = int(-1)
+    face = int(0)
+    if count <= L.room:
+        last = within(L, s * L.w.shape[0] + i, start + length * way, length)
+        for j in range(count):
+            at = (s * L.room + j) * L.w.shape[0] + i
+            if L.far[at] > last:
+                break
+            t, first = sooner(mesh, L.face[at], start, way, t, first)
+    else:
+        low, high = box(start + float(0.5) * length * way, float(0.5) * length)
+        query = wp.mesh_query_aabb(mesh, low, high)
+        while wp.mesh_query_aabb_next(query, face):
+            t, first = sooner(mesh, face, start, way, t, first)
+    return first
+
+
+@wp.func
+def kept(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f):
+    """Whether q is on the side that `told` is on: the list has all faces that could lie between, and none does."""
+    at = s * L.w.shape[0] + i
+    same = bool(L.sign[at] != float(0.0) and wp.length(L.told[at] - L.place[at]) <= L.radius[at])
+    if same:
+        last = within(L, at, q, wp.length(q - L.told[at]))
+        for j in range(L.count[at]):
+            of = (s * L.room + j) * L.w.shape[0] + i
+            if L.far[of] > last:
+                break
+            if through(mesh, L.face[of], L.told[at], q):
+                same = False
+    return same
+
+
+@wp.func
+def inside(mesh: wp.uint64, L: Any, row: int, i: int, q: wp.vec3f, depth: float):
+    """(face, sign) of a point that may be deep inside, no further than `depth` from the surface."""
+    s = L.slot[row]
+    at = s * L.w.shape[0] + i
+    face = int(-1)
+    known = bool(L.still[row] != 0 and L.count[at] <= L.room)
+    if known:
+        face, near = nearest(mesh, L, s, i, q, depth)
+        known = near <= L.radius[at] - wp.length(q - L.place[at])
+    if known:
+        known = kept(mesh, L, s, i, q)
+    if not known:
+        face = -1
+        L.sign[at] = float(1.0)
+        L.told[at] = q
+        wound = wp.mesh_query_point_sign_winding_number(mesh, q, depth)
+        if wound.result:
+            face = wound.face
+            L.sign[at] = wound.sign
+    return face, L.sign[at]
+
+
+@cache
+def touch_listed(kinds: tuple[str, ...], real):
+    """Function (c, L, row, i, deep, ends, reach: r and margin) -> (C, n, p, s0, slip) of a point that goes from ends[0] to
+    ends[1], as `mesh.touch_mesh`, by its list. deep: it may be inside."""
+    t, Rows, (corners, steps), cross, formula = types(real), tables(real)[0], reading(real), crossing(real), settled(real)
+    has_solid = "solid" in kinds
+
+    @wp.func
+    def touch_listed(c: Rows, L: Any, row: int, i: int, deep: int, ends: wp.types.matrix((2, 3), real), reach: t.vec2):
+        kind, mesh, s = c.kind[row], c.mesh[row], L.slot[row]
+        q1 = ends[1]
+        most = float(reach[0] + reach[1])
+        C = real(1.0e30)
+        s0 = C
+        n = q1
+        p = q1
+        slip = t.vec3()
+        q = wp.vec3f(q1)
+        sign = float(1.0)
+        face = int(-1)
+        near = float(FAR)
+        if kind != SOLID or deep == 0:
+            face, near = nearest(mesh, L, s, i, q, most)
+        if has_solid:
+            if kind == SOLID and deep != 0:
+                face, sign = inside(mesh, L, row, i, q, wp.max(most, float(c.size[row][0])))
+        if face >= 0:
+            what, first = part(corners(mesh, face, 0), q1)
+            X = corners(mesh, face, first)
+            V = steps(mesh, face, first)
+            behind = what == INSIDE and wp.dot(normal(X), q1 - X[0]) < real(0.0)
+            if has_solid:
+                if kind == SOLID and deep == 0:
+                    sign = wp.where(behind, float(-1.0), float(1.0))
+                    if what != INSIDE:
+                        sign = side(mesh, L, s, i, q, face, near)
+            gap = real(sign)
+            if behind:
+                gap = -gap
+            dist, _n, slip = toward(X, V, what, gap, q1)
+            start = ends[0] + slip
+            length = wp.length(q1 - start)
+            Y = t.mat33()
+            front = real(0.0)
+            if wp.abs(dist) < length:
+                crossed = hit(mesh, L, s, i, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length))
+                if crossed >= 0:
+                    Y, front = cross(kind, mesh, crossed, q1 - start)
+            C, n, p, s0, slip = formula(X, V, Y, what, t.vec2(gap, front), ends, reach[0])
+        return C, n, p, s0, slip
+
+    return touch_listed

@@ -1,0 +1,129 @@
+"""Faces of Warp's meshes beside a point, one by one, by the formulas of Warp's own queries, so that they say the same.
+
+Distances are in m; slivers, of a double area under 1e-6 of the sum of squared edges, are far, as the queries leave them out.
+"""
+
+# Device code: int(0) makes a variable of what would be a constant.
+# ruff: noqa: UP018
+
+import warp as wp
+
+FAR = 1.0e30           # distance of a face that has no area
+SLACK = 1.0e-6         # of places, that boxes about them are larger by
+OPEN = 1.0e-6          # of lengths, that a way through a face may be off by
+
+
+@wp.func_native("return wp::closest_point_to_triangle(a, b, c, q);")
+def weights(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, q: wp.vec3f) -> wp.vec2f: ...
+
+
+@wp.func_native("""
+    float t, u, v, sign;
+    return wp::intersect_ray_tri_woop(q, way, a, b, c, t, u, v, sign, nullptr) && t >= 0.0f ? t : -1.0f;
+""")
+def struck(q: wp.vec3f, way: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) -> float: ...
+
+
+@wp.func_native("return wp::mesh_get(mesh).average_edge_length;")
+def edge_length(mesh: wp.uint64) -> float: ...
+
+
+@wp.func
+def corners_of(mesh: wp.uint64, face: int):
+    return wp.matrix_from_rows(wp.mesh_get_point(mesh, 3 * face), wp.mesh_get_point(mesh, 3 * face + 1),
+                               wp.mesh_get_point(mesh, 3 * face + 2))
+
+
+@wp.func
+def away(mesh: wp.uint64, face: int, q: wp.vec3f):
+    """(distance [m] of a face, FAR for a sliver, as Warp's queries leave it out; its place nearest to q)."""
+    X = corners_of(mesh, face)
+    e0 = X[1] - X[0]
+    e1 = X[2] - X[0]
+    e2 = X[2] - X[1]
+    size = wp.dot(e0, e0) + wp.dot(e1, e1) + wp.dot(e2, e2)
+    dist = float(FAR)
+    p = q
+    if wp.length(wp.cross(e0, e1)) >= float(1.0e-6) * size:
+        uv = weights(X[0], X[1], X[2], q)
+        p = uv[0] * X[0] + uv[1] * X[1] + (float(1.0) - uv[0] - uv[1]) * X[2]
+        dist = wp.length(p - q)
+    return dist, p
+
+
+@wp.func
+def angle(a: wp.vec3f, b: wp.vec3f):
+    return wp.acos(wp.clamp(wp.dot(wp.normalize(a), wp.normalize(b)), float(-1.0), float(1.0)))
+
+
+@wp.func
+def off(p: wp.vec3f, a: wp.vec3f, b: wp.vec3f):
+    """Square of the distance of p from the line through a and b."""
+    e = b - a
+    t = wp.dot(p - a, e) / wp.dot(e, e)
+    return wp.length_sq(p - a - t * e)
+
+
+@wp.func
+def weighted(mesh: wp.uint64, face: int, q: wp.vec3f, most: float, eps: float):
+    """Normal of a face by the angle that it has about its place nearest to q, where that is no further than `most` [m]."""
+    n = wp.vec3f()
+    dist, p = away(mesh, face, q)
+    if dist <= most:
+        X = corners_of(mesh, face)
+        square = eps * eps
+        weight = float(2.0) * wp.pi
+        if wp.min(wp.min(off(p, X[0], X[1]), off(p, X[1], X[2])), off(p, X[2], X[0])) < square:
+            weight = wp.pi
+        if wp.length_sq(p - X[0]) < square:
+            weight = angle(X[1] - X[0], X[2] - X[0])
+        elif wp.length_sq(p - X[1]) < square:
+            weight = angle(X[2] - X[1], X[0] - X[1])
+        elif wp.length_sq(p - X[2]) < square:
+            weight = angle(X[0] - X[2], X[1] - X[2])
+        n = weight * wp.normalize(wp.cross(X[1] - X[0], X[2] - X[0]))
+    return n
+
+
+@wp.func
+def box(q: wp.vec3f, r: float):
+    more = r + SLACK * (r + wp.max(wp.abs(q)))
+    half = wp.vec3f(more, more, more)
+    return q - half, q + half
+
+
+@wp.func
+def nearer(mesh: wp.uint64, face: int, q: wp.vec3f, dist: float, first: int):
+    """(distance, face): the nearer one of two, of equal ones the first."""
+    found, _p = away(mesh, face, q)
+    if found < dist or (found == dist and face < first):
+        return found, face
+    return dist, first
+
+
+@wp.func
+def sooner(mesh: wp.uint64, face: int, start: wp.vec3f, way: wp.vec3f, t: float, first: int):
+    """(length of a ray, face): the sooner one of two, of equal ones the first."""
+    X = corners_of(mesh, face)
+    found = struck(start, way, X[0], X[1], X[2])
+    if found >= float(0.0) and (found < t or (found == t and face < first)):
+        return found, face
+    return t, first
+
+
+@wp.func
+def through(mesh: wp.uint64, face: int, a: wp.vec3f, b: wp.vec3f):
+    """Whether the way from a to b goes through a face, or by so near an edge that rounding leaves it open."""
+    X = corners_of(mesh, face)
+    way = b - a
+    e = X[0] - a
+    f = X[1] - a
+    g = X[2] - a
+    u = wp.dot(way, wp.cross(f, g))
+    v = wp.dot(way, wp.cross(g, e))
+    w = wp.dot(way, wp.cross(e, f))
+    room = OPEN * wp.length(way) * (wp.length_sq(e) + wp.length_sq(f) + wp.length_sq(g))
+    n = wp.cross(X[1] - X[0], X[2] - X[0])
+    off = OPEN * wp.length(n) * (wp.length(e) + wp.length(f))
+    passes = wp.min(wp.min(u, v), w) >= -room or wp.max(wp.max(u, v), w) <= room
+    return passes and not (wp.min(wp.dot(n, e), wp.dot(n, X[0] - b)) > off or wp.max(wp.dot(n, e), wp.dot(n, X[0] - b)) < -off)
