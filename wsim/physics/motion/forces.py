@@ -24,7 +24,7 @@ from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.elements import Elements
 from wsim.physics.cloth.kind import SPRINGS
-from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
+from wsim.physics.motion.cluster import LARGE, MANY, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders, shares
 
@@ -41,7 +41,8 @@ class ForceGather:
         self.model = model
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
-        self.cluster: Cluster | None = None
+        self.cluster: Any = None         # `wsim.physics.motion.cluster.Cluster`, or of sheets `wsim.physics.fused.domains.Plan`
+        self.made = False
         self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
         if model.scene.softs:
@@ -72,15 +73,42 @@ class ForceGather:
         self.by_corners: wp.array | None = None       # gradients by their positions, where p is all that is to be known
         self.rates: wp.array | None = None            # and by their velocities
         self.sheets: Any = None
+        self.domains: Any = None
         if packed and not self.unpacked():
             from wsim.physics.motion.sheets import Sheets
             self.sheets = Sheets(model, flat, self.damped, cores() if alone else 1)
             self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
             self.blocks = self.sheets.blocks
             return
+        if alone and self.elements and not self.apart():
+            from wsim.physics.fused.domains import Sheets as Domains
+            self.domains = Domains(model, flat, self.damped)
+            self.cluster, self.shares = self.domains.plan, self.domains.data
+        if not self.cluster or self.springs:
+            self.make()
+
+    def make(self) -> None:
+        """Kernels of elements, before the module is compiled, and where points find their forces."""
+        self.made = True
         for e in self.elements:
-            e.make(self.damped)                  # before the module is compiled
+            e.make(self.damped)
         self.corners()
+
+    def apart(self) -> bool:
+        """Whether a cluster cannot take elements: see kernels/fused/sheet.py."""
+        from wsim.physics.fused.domains import KINDS
+        model = self.model
+        return (not _clusters(model.device) or model.gradients or model.worlds > 1 or model.real is not wp.float32
+                or bool(self.springs or self.tables) or not {e.kind for e in self.elements} <= KINDS)
+
+    def frames(self, bounded: bool = False):
+        """Kernel that takes whole frames by a cluster. bounded: frames are watched."""
+        plan, real = self.cluster, self.model.real
+        if self.domains:
+            from wsim.kernels.fused import sheet
+            return sheet.frame(real, self.model.module_of(plan.threads), plan, self.damped, bounded)
+        from wsim.kernels.motion import cluster
+        return cluster.frame(real, self.model.module_of(plan.threads), plan, bounded)
 
     def unpacked(self) -> str:
         """What keeps elements from being taken in packets, or ""."""
@@ -197,7 +225,9 @@ class ForceGather:
             beside(model, __name__, "element_adjoint", self, e)
 
     def need_springs(self) -> None:
-        """Makes the kernel of springs that `launch` needs on a CPU."""
+        """Makes the kernels that `launch` needs, of springs on a CPU."""
+        if not (self.made or self.sheets):
+            self.make()
         if self.added:
             self.pull = march_cpu.pull(self.model.real, self.model.module, self.damped)
 

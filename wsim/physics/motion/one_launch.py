@@ -60,7 +60,7 @@ def whole_frames(method, size: int, what: str) -> tuple[OneLaunch, Stage]:
     """Form of a method whose frames a launch takes, and nothing else acts within them. size: bytes of a frame."""
     pull, model, s = method.pull, method.model, method.state
     if pull.cluster:
-        one = OneLaunch(method, cluster.frame(model.real, model.module_of(pull.cluster.threads), pull.cluster))
+        one = OneLaunch(method, pull.frames())
         return one, Stage(method.integrator.name, "predict", one.by_cluster, 1, size, "frame", what)
     one = OneLaunch(method, method.march)
     method.move(s.e, s.v, s.r, None)
@@ -97,8 +97,7 @@ class FreeFrames:
         """size: bytes of a substep; launches: of a substep that is launched by itself."""
         m, real, name = self.method, self.model.real, self.method.integrator.name
         if self.pull.cluster:
-            kernel = cluster.frame(real, self.model.module_of(self.pull.cluster.threads), self.pull.cluster, True)
-            self.at_once = OneLaunch(m, kernel, self.pull)
+            self.at_once = OneLaunch(m, self.pull.frames(bounded=True), self.pull)
             return Stage(name, "predict", self.at_once.by_cluster, 1, size * count, "frame", what, FREE)
         if m.marches:
             self.at_once = OneLaunch(m, m.march)

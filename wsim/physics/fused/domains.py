@@ -1,0 +1,188 @@
+"""How a cluster of blocks shares sheets: the points of each block, and what it computes for them. See kernels/fused/sheet.py.
+
+    own       the points of a block: halves of equal numbers across the longest side at rest, again and again
+    flat      triangles with an own point                  bent      hinges with an own point
+    curved    triangles whose curvature they need          hinges    those, and all that these curvatures need
+    points    own points, then those of other blocks that any of these has
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wsim.geometry.topology import incident
+from wsim.kernels.cloth.curvature import SLOTS
+from wsim.kernels.fused.sheet import LISTS, sheets
+from wsim.physics.motion.cluster import LARGE, MANY
+from wsim.model.structs import filled
+
+if TYPE_CHECKING:
+    from wsim.model.model import Model
+    from wsim.physics.cloth.elements import Elements
+
+KINDS = {"membrane", "dihedral"}
+MOST = 1024            # threads of a block
+ROOM = 227 * 1024 - 4 * MOST - 1024        # bytes of shared memory of a block, less what Warp keeps there
+FOUR = 4
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Blocks, and the most that any has of each list (multiples of four)."""
+
+    size: int
+    own: int
+    points: int
+    triangles: int
+    bent: int
+    hinges: int
+    curved: int
+    moments: int
+    forces: int
+    pushes: int
+    damped: bool
+
+    @property
+    def lanes(self) -> int:
+        """Threads that gather the forces of a point."""
+        return next(k for k in (8, 4, 2, 1) if k * self.own <= self.threads or k == 1)
+
+    @property
+    def threads(self) -> int:
+        """Threads of a block: an element each, as far as there are registers."""
+        return int(np.clip(-(-(self.hinges + self.triangles) // 32) * 32, 256, 640))
+
+    @property
+    def words(self) -> int:
+        """Shared memory [4 bytes]."""
+        return (FOUR * ((5 if self.damped else 3) * self.points + (SLOTS + 1) * self.curved + 2 * self.triangles + self.hinges)
+                + 13 * (self.triangles + self.bent) + self.hinges + 2 * self.bent + self.triangles
+                + 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
+                + 3 * FOUR)
+
+
+def halves(x: np.ndarray, index: np.ndarray, size: int) -> list[np.ndarray]:
+    """The points of an index in `size` parts, a power of 2. x (n, 3): [m]."""
+    if size == 1:
+        return [np.sort(index)]
+    axis = np.ptp(x[index], axis=0).argmax() if len(index) else 0
+    order = index[np.argsort(x[index, axis], kind="stable")]
+    middle = len(order) // 2
+    return [*halves(x, order[:middle], size // 2), *halves(x, order[middle:], size // 2)]
+
+
+class Domains:
+    """Lists of every block. `plan`: None where a block's memory does not suffice."""
+
+    def __init__(self, x: np.ndarray, triangles: np.ndarray, hinges: np.ndarray, curvature: dict[str, np.ndarray], size: int,
+                 damped: bool):
+        """x (n, 3) at rest [m]; triangles (t, 3) and hinges (h, 4): points; curvature: `Curvature.tables`, or nothing."""
+        n = len(x)
+        self.ids = [triangles, hinges]
+        self.own = halves(x, np.arange(n), size)
+        self.block, self.place = np.empty(n, int), np.empty(n, int)
+        for b, own in enumerate(self.own):
+            self.block[own], self.place[own] = b, np.arange(len(own))
+        slot = curvature["slot"].reshape(-1, SLOTS) if curvature else np.zeros((0, SLOTS), int)
+        used = np.arange(SLOTS) < curvature["count"][:, None] if curvature else slot > 0
+        self.slot, self.curvature = np.where(used, slot, -1), curvature
+        self.start, self.item = incident(np.concatenate([triangles.ravel(), hinges.ravel()])[:, None], n)
+        self.blocks = [self.domain(b) for b in range(size)]
+        self.push()
+        most = {name: max(len(each[name]) for each in self.blocks) for name in LISTS}
+        found = {"own": max(map(len, self.own)), "points": most["point"], "triangles": most["triangle"],
+                 "bent": most["moment_begin"] - 1, "hinges": most["hinge"], "curved": most["slot"] // SLOTS,
+                 "moments": most["moment"], "forces": most["force"], "pushes": most["push"]}
+        plan = Plan(size, damped=damped, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
+        self.plan = plan if 4 * plan.words <= ROOM and plan.own <= plan.threads else None
+
+    def domain(self, b: int) -> dict[str, np.ndarray]:
+        """Lists of a block, but for those of what it sends."""
+        own, (triangles, hinges) = self.own[b], self.ids
+        flat, near = (np.flatnonzero((self.block[ids] == b).any(axis=1)) for ids in (triangles, hinges))
+        bent = np.zeros(len(hinges) + 1, bool)
+        bent[near] = True                                           # the last stands for -1: no hinge
+        curved = np.flatnonzero(bent[self.slot].any(axis=1))
+        needed = np.setdiff1d(self.slot[curved], [-1])
+        each = np.concatenate([near, np.setdiff1d(needed, near)]).astype(int)
+        points = np.unique(np.concatenate([triangles[flat].ravel(), hinges[each].ravel()]))
+        points = np.concatenate([own, points[self.block[points] != b]])
+        at, hinge_at, curved_at = np.full(len(self.block), -1), np.full(len(hinges) + 1, -1), np.full(len(self.slot), -1)
+        at[points], hinge_at[each], curved_at[curved] = np.arange(len(points)), np.arange(len(each)), np.arange(len(curved))
+        each_moment = self.moments(near)
+        moment = np.concatenate([*each_moment, np.zeros(0, int)]).astype(int)
+        force, begin = self.forces(own, flat, near)
+        return {"point": points, "hinge": each, "hinge_corner": packed(at[hinges[each]]), "triangle": flat,
+                "corner": packed(at[triangles[flat]]), "slot": hinge_at[self.slot[curved]].ravel(),
+                "value": (SLOTS * curved[:, None] + np.arange(SLOTS)).ravel(),
+                "moment_begin": np.append(0, np.cumsum([len(m) for m in each_moment])).astype(int),
+                "moment": SLOTS * curved_at[moment // SLOTS] + moment % SLOTS,
+                "force_begin": begin, "force": force}
+
+    def moments(self, hinges: np.ndarray) -> list[np.ndarray]:
+        """Slots of each hinge."""
+        c = self.curvature
+        return [c["item"][c["begin"][h]:c["end"][h]].astype(int) for h in hinges]
+
+    def forces(self, own: np.ndarray, flat: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Element << 2 | corner of each force of own points, triangles first, and where those of a point begin."""
+        triangles, hinges = self.ids
+        found = [self.item[self.start[i]:self.start[i + 1]].astype(int) for i in own]
+        item = np.concatenate([*found, np.zeros(0, int)]).astype(int)
+        local = np.full(len(triangles) + len(hinges), -1)
+        local[flat], local[len(triangles) + bent] = np.arange(len(flat)), len(flat) + np.arange(len(bent))
+        folds, last = item >= triangles.size, item - triangles.size
+        element = np.where(folds, len(triangles) + last // 4, item // 3)
+        return local[element] << 2 | np.where(folds, last % 4, item % 3), np.append(0, np.cumsum([len(f) for f in found]))
+
+    def push(self) -> None:
+        """block << 16 | place of each copy of an own point in others' memory, and where those of a point begin."""
+        holder = np.concatenate([np.full(len(d["point"]) - len(own), b)
+                                 for b, (d, own) in enumerate(zip(self.blocks, self.own, strict=True))])
+        guest = np.concatenate([d["point"][len(own):] for d, own in zip(self.blocks, self.own, strict=True)])
+        slot = np.concatenate([np.arange(len(own), len(d["point"])) for d, own in zip(self.blocks, self.own, strict=True)])
+        start, item = incident(guest[:, None], len(self.block))
+        word = (holder << 16 | slot)[item]
+        for d, own in zip(self.blocks, self.own, strict=True):
+            d["push"] = np.concatenate([*(word[start[i]:start[i + 1]] for i in own), np.zeros(0, int)]).astype(int)
+            d["push_begin"] = np.append(0, np.cumsum(start[own + 1] - start[own]))
+
+    def lists(self) -> tuple[np.ndarray, np.ndarray]:
+        """First place and size of every list of every block, and all of them."""
+        each = [d[name] for d in self.blocks for name in LISTS]
+        count = np.array([len(a) for a in each])
+        return np.stack([np.cumsum(count) - count, count], axis=1).ravel(), np.concatenate(each)
+
+
+def packed(corners: np.ndarray) -> np.ndarray:
+    """Places of the corners of elements (m, 3 or 4) in two words each."""
+    four = np.pad(corners, ((0, 0), (0, 4 - corners.shape[1])))
+    return (four[:, ::2] | four[:, 1::2] << 16).ravel()
+
+
+class Sheets:
+    """Membranes and hinges of a model that a cluster takes. `plan` is None where it cannot."""
+
+    def __init__(self, model: Model, elements: list[Elements], damped: bool):
+        self.model, self.damped = model, damped
+        self.of: dict[str, Any] = {e.kind: e for e in elements}
+        flat, bent = self.of.get("membrane"), self.of.get("dihedral")
+        none = np.zeros((0, 4), int)
+        size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
+        found = Domains(model.stack("rest"), flat.ids if flat else none[:, :3], bent.ids if bent else none,
+                        bent.curvature.tables() if bent else {}, size, damped)
+        self.plan, self.data = found.plan, None
+        if self.plan is None:
+            return
+        head, every = found.lists()
+        self.data = filled(sheets(model.real), head=model.upload(head, int), list=model.upload(every, int))
+        if flat:
+            for name in ("rest", "stiffness", "tau"):
+                setattr(self.data, name, getattr(flat.data, name))
+        if bent:
+            for name, own in (("angle", "rest"), ("bend", "stiffness"), ("relax", "tau")):
+                setattr(self.data, name, getattr(bent.data, own))
+            self.data.own, self.data.value = bent.curvature.data.own, bent.curvature.data.value
