@@ -23,7 +23,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import steps
 
 LISTS = ("point", "hinge", "hinge_corner", "triangle", "corner", "slot", "moment_begin", "moment", "force_begin", "force",
-         "push_begin", "push", "value")
+         "push_begin", "push", "value", "near")
 SLOTS = curvature.SLOTS
 ROOM = """
     float4* const X = (float4*)sheet_room;                          // positions where the frame begins
@@ -107,7 +107,9 @@ OWN = """
     for (int k = 0; k < 3 && moves; ++k) goal[k] = goals[k];
     float kick = step.kick;
     int from = 0;
-    CLUSTER_MEETS
+    const int points = x.shape[0], guest = GRID && owned + t < there ? at(0, owned + t) : -1;
+    float4* const mail = (float4*)h.mail.data;                      // displacements of all points, twice; velocities
+    if (!GRID) { CLUSTER_MEETS } else { BLOCK_MEETS }
 """
 SUBSTEPS = """
     for (int sub = 0; ; ++sub) {
@@ -176,8 +178,10 @@ SUBSTEPS = """
         if (mine && lane == 0) {
             D[S * from + p] = d1;
             if (DAMPED) Q[S * from + p] = q1;
+            if (GRID) mail[points * from + g0] = d1;
+            if (GRID && DAMPED) mail[points * (2 + from) + g0] = q1;
         }
-        for (int k = mine ? push_begin[p] + lane : 0; k < (mine ? push_begin[p + 1] : 0); k += LANES) {
+        for (int k = mine && !GRID ? push_begin[p] + lane : 0; k < (mine && !GRID ? push_begin[p + 1] : 0); k += LANES) {
             const int block = push[k] >> 16, slot = push[k] & 0xffff;
             send(block, D + S * from + slot, d1);
             if (DAMPED) send(block, Q + S * from + slot, q1);
@@ -187,7 +191,19 @@ SUBSTEPS = """
             goals += 3 * c.target.shape[1];
             for (int k = 0; k < 3; ++k) goal[k] = goals[k];
         }
-        CLUSTER_MEETS
+        if (!GRID) {
+            CLUSTER_MEETS
+        } else {                                                    // blocks wait for those that they share points with
+            BLOCK_MEETS
+            if (t == 0) say(h.turn.data + rank, sub + 1);
+            if (t < head[2 * 13 + 1]) hear(h.turn.data + at(13, t), sub + 1);
+            BLOCK_MEETS
+            if (guest >= 0) {
+                D[S * from + owned + t] = fresh(mail + points * from + guest);
+                if (DAMPED) Q[S * from + owned + t] = fresh(mail + points * (2 + from) + guest);
+            }
+            BLOCK_MEETS
+        }
     }
     if (BOUNDED && room2 < -1.5f) atomicMax(h.met.data, 1);
     if (mine && lane == 0)
@@ -218,13 +234,15 @@ def sheets(real):
         value: wp.array(dtype=t.vec3)
         room: wp.array(dtype=t.scalar)       # clearance [m], (points,); of frames that are watched
         met: wp.array(dtype=int)             # becomes 1 where a point goes further
+        mail: wp.array(dtype=t.vec4)         # what blocks of a grid send, (4 points,)
+        turn: wp.array(dtype=int)            # substeps that each has sent; 0 where a frame begins
 
     return Sheets
 
 
 WORDS = {   # of CUDA
     "THREAD": "threadIdx.x", "BLOCK_MEETS": "__syncthreads();", "INT_AS_FLOAT": "__int_as_float",
-    "FLOAT_AS_INT": "__float_as_int", "RSQRT": "reciprocal_root", "RECIPROCAL": "reciprocal", "RANK": "(int)rank_",
+    "FLOAT_AS_INT": "__float_as_int", "RSQRT": "reciprocal_root", "RECIPROCAL": "reciprocal", "RANK": "(int)blockIdx.x",
     "CLUSTER_MEETS": 'asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;"'
                      ' ::: "memory");',
     "SUM_LANES": "for (int o = LANES / 2; o > 0; o >>= 1)\n"
@@ -233,8 +251,6 @@ WORDS = {   # of CUDA
 BEFORE = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
     extern __shared__ __align__(128) float sheet_room[];
-    unsigned rank_;
-    asm("mov.u32 %0, %%cluster_ctarank;" : "=r"(rank_));
     auto reciprocal = [](float a) { float r; asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a)); return r; };
     auto reciprocal_root = [](float a) { float r; asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a)); return r; };
     auto send = [](int block, const float4* place, float4 a) {      // to the same place in another block's memory
@@ -243,6 +259,15 @@ BEFORE = """
         asm volatile("st.shared::cluster.v4.f32 [%0], {%1, %2, %3, %4};"
                      :: "r"(to), "f"(a.x), "f"(a.y), "f"(a.z), "f"(a.w) : "memory");
     };
+    auto say = [](int* word, int turn) {
+        __threadfence();
+        asm volatile("st.release.gpu.global.s32 [%0], %1;" :: "l"(word), "r"(turn) : "memory");
+    };
+    auto hear = [](const int* word, int turn) {
+        for (int now = turn - 1; now < turn; )
+            asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(now) : "l"(word) : "memory");
+    };
+    auto fresh = [](const float4* place) { return __ldcg(place); };
 """
 
 
@@ -252,7 +277,8 @@ def sizes(plan, damped: bool, bounded: bool) -> str:
                "CURVED": plan.curved, "MOMENTS": plan.moments, "FORCES": plan.forces, "PUSHES": plan.pushes,
                "THREADS": plan.threads, "LANES": plan.lanes, "SLOTS": SLOTS, "LISTS": len(LISTS)}
     return (f"constexpr int {', '.join(f'{k} = {v}' for k, v in numbers.items())};\n"
-            f"    constexpr bool DAMPED = {str(damped).lower()}, BOUNDED = {str(bounded).lower()};\n    {NUMBERS}\n")
+            f"    constexpr bool DAMPED = {str(damped).lower()}, BOUNDED = {str(bounded).lower()},"
+            f" GRID = {str(plan.grid).lower()};\n    {NUMBERS}\n")
 
 
 def code(plan, damped: bool, bounded: bool, words: dict[str, str] = WORDS) -> str:
@@ -282,4 +308,4 @@ def frame(real, module, plan, damped: bool, bounded: bool = False):
         march(c, h, x, step, x_out, e_out, v_out, r_out)
 
     return wp.kernel(frame, name="frame_sheets" + "_bounded" * bounded, module=module, enable_backward=False,
-                     grid_stride=False, launch_bounds=plan.threads, cluster_dim=plan.size)
+                     grid_stride=False, launch_bounds=plan.threads, cluster_dim=1 if plan.grid else plan.size)

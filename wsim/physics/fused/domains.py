@@ -12,12 +12,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import warp as wp
 
 from wsim.geometry.topology import incident
 from wsim.kernels.cloth.curvature import SLOTS
 from wsim.kernels.fused.sheet import LISTS, sheets
-from wsim.physics.motion.cluster import LARGE, MANY
+from wsim.kernels.math.real import types
 from wsim.model.structs import filled
+from wsim.physics.motion.cluster import LARGE, MANY
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 KINDS = {"membrane", "dihedral"}
 MOST = 1024            # threads of a block
 ROOM = 227 * 1024 - 4 * MOST - 1024        # bytes of shared memory of a block, less what Warp keeps there
-FOUR = 4
+FOUR, LARGEST = 4, 16  # blocks of a cluster at most
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,11 @@ class Plan:
     forces: int
     pushes: int
     damped: bool
+
+    @property
+    def grid(self) -> bool:
+        """Whether blocks are a multiprocessor each and send through global memory, instead of a cluster."""
+        return self.size > LARGEST
 
     @property
     def lanes(self) -> int:
@@ -92,12 +99,17 @@ class Domains:
         self.start, self.item = incident(np.concatenate([triangles.ravel(), hinges.ravel()])[:, None], n)
         self.blocks = [self.domain(b) for b in range(size)]
         self.push()
+        self.near()
         most = {name: max(len(each[name]) for each in self.blocks) for name in LISTS}
         found = {"own": max(map(len, self.own)), "points": most["point"], "triangles": most["triangle"],
                  "bent": most["moment_begin"] - 1, "hinges": most["hinge"], "curved": most["slot"] // SLOTS,
                  "moments": most["moment"], "forces": most["force"], "pushes": most["push"]}
         plan = Plan(size, damped=damped, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
-        self.plan = plan if 4 * plan.words <= ROOM and plan.own <= plan.threads else None
+        fits = 4 * plan.words <= ROOM and plan.own <= plan.threads
+        if plan.grid:
+            fits = fits and max(most["near"], *(len(d["point"]) - len(own) for d, own in zip(self.blocks, self.own, strict=True))
+                                ) <= plan.threads
+        self.plan = plan if fits else None
 
     def domain(self, b: int) -> dict[str, np.ndarray]:
         """Lists of a block, but for those of what it sends."""
@@ -150,6 +162,15 @@ class Domains:
             d["push"] = np.concatenate([*(word[start[i]:start[i + 1]] for i in own), np.zeros(0, int)]).astype(int)
             d["push_begin"] = np.append(0, np.cumsum(start[own + 1] - start[own]))
 
+    def near(self) -> None:
+        """Blocks that each shares points with."""
+        shares = np.zeros((len(self.own), len(self.own)), bool)
+        for b, d in enumerate(self.blocks):
+            shares[b, self.block[d["point"]]] = True
+        shares = (shares | shares.T) & ~np.eye(len(shares), dtype=bool)
+        for row, d in zip(shares, self.blocks, strict=True):
+            d["near"] = np.flatnonzero(row)
+
     def lists(self) -> tuple[np.ndarray, np.ndarray]:
         """First place and size of every list of every block, and all of them."""
         each = [d[name] for d in self.blocks for name in LISTS]
@@ -163,6 +184,12 @@ def packed(corners: np.ndarray) -> np.ndarray:
     return (four[:, ::2] | four[:, 1::2] << 16).ravel()
 
 
+def blocks_of(device) -> list[int]:
+    """Blocks to try: a cluster, then a grid of no more than there are multiprocessors."""
+    cluster = 16 if device.arch == LARGE and device.sm_count >= MANY else 8
+    return [cluster, 1 << device.sm_count.bit_length() - 1]
+
+
 class Sheets:
     """Membranes and hinges of a model that a cluster takes. `plan` is None where it cannot."""
 
@@ -171,9 +198,11 @@ class Sheets:
         self.of: dict[str, Any] = {e.kind: e for e in elements}
         flat, bent = self.of.get("membrane"), self.of.get("dihedral")
         none = np.zeros((0, 4), int)
-        size = 16 if model.device.arch == LARGE and model.device.sm_count >= MANY else 8
-        found = Domains(model.stack("rest"), flat.ids if flat else none[:, :3], bent.ids if bent else none,
-                        bent.curvature.tables() if bent else {}, size, damped)
+        for size in blocks_of(model.device):
+            found = Domains(model.stack("rest"), flat.ids if flat else none[:, :3], bent.ids if bent else none,
+                            bent.curvature.tables() if bent else {}, size, damped)
+            if found.plan:
+                break
         self.plan, self.data = found.plan, None
         if self.plan is None:
             return
@@ -186,3 +215,11 @@ class Sheets:
             for name, own in (("angle", "rest"), ("bend", "stiffness"), ("relax", "tau")):
                 setattr(self.data, name, getattr(bent.data, own))
             self.data.own, self.data.value = bent.curvature.data.own, bent.curvature.data.value
+        if self.plan.grid:
+            self.data.mail = wp.zeros(4 * model.points, dtype=types(model.real).vec4, device=model.device)
+            self.data.turn = wp.zeros(self.plan.size, dtype=int, device=model.device)
+
+    def begin(self) -> None:
+        """What comes before a frame."""
+        if self.plan.grid:
+            self.model.zero(self.data.turn)

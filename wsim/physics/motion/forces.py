@@ -98,7 +98,7 @@ class ForceGather:
         """Whether a cluster cannot take elements: see kernels/fused/sheet.py."""
         from wsim.physics.fused.domains import KINDS
         model = self.model
-        return (not _clusters(model.device) or model.gradients or model.worlds > 1 or model.real is not wp.float32
+        return (model.fuses is False or not _clusters(model.device) or model.gradients or model.worlds > 1 or model.real is not wp.float32
                 or bool(self.springs or self.tables) or not {e.kind for e in self.elements} <= KINDS)
 
     def frames(self, bounded: bool = False):

@@ -33,6 +33,8 @@ class OneLaunch:
     def by_cluster(self, clock: Clock) -> None:
         pull, s = self.pull, self.method.state
         plan = pull.cluster
+        if pull.domains:
+            pull.domains.begin()
         self.model.launch_blocks(self.kernel, plan.size * self.model.worlds, plan.threads,
                                  [pull.net, self.shares or pull.shares, s.x, self.whole(clock)], [s.x, s.e, s.v, s.r])
 
