@@ -29,7 +29,8 @@ ROOM = """
     float4* const X = (float4*)sheet_room;                          // positions where the frame begins
     float4* const D = X + S;                                        // displacements since, twice
     float4* const Q = D + 2 * S;                                    // velocities that damping sees, twice
-    float4* const value = Q + (DAMPED ? 2 * S : 0);                 // and hinge, of each slot of a triangle
+    float4* const breeze = Q + (RATES ? 2 * S : 0);                 // wind over triangles, and their drag
+    float4* const value = breeze + (AIR ? FLATS : 0);               // and hinge, of each slot of a triangle
     float4* const C = value + SLOTS * CURVED;                       // curvatures
     float4* const B = C + CURVED;                                   // rest and stiffness of triangles
     float4* const K = B + FLATS;
@@ -40,7 +41,9 @@ ROOM = """
     float* const slope = z + HINGES;
     float* const kept = slope + BENT;
     float* const tau = kept + BENT;
-    uint2* const corner = (uint2*)(tau + FLATS);
+    float* const lift = tau + FLATS;
+    float* const drag = lift + (AIR ? FLATS : 0);                   // [kg/s]
+    uint2* const corner = (uint2*)(drag + (AIR ? FLATS : 0));
     uint2* const hinge_corner = corner + FLATS;
     int* const moment_begin = (int*)(hinge_corner + HINGES);
     int* const moment = moment_begin + BENT + 4;
@@ -56,12 +59,13 @@ FILL = """
     const int there = head[1], angles = head[3], flat = head[7], curved = head[11] / SLOTS, bent = head[13] - 1,
               owned = head[17] - 1;
     const float *const x3 = (const float*)x.data;
+    const int* const objects = c.object.data;
     float *const y3 = (float*)x_out.data, *const e3 = (float*)e.data, *const v3_ = (float*)v.data, *const r3 = (float*)r.data;
     for (int i = t; i < there; i += THREADS) {
         const int g = at(0, i);
         X[i] = make_float4(x3[3 * g], x3[3 * g + 1], x3[3 * g + 2], 0.f);
         D[i] = make_float4(e3[3 * g], e3[3 * g + 1], e3[3 * g + 2], 0.f);
-        if (DAMPED) Q[i] = make_float4(v3_[3 * g], v3_[3 * g + 1], v3_[3 * g + 2], 0.f);
+        if (RATES) Q[i] = make_float4(v3_[3 * g], v3_[3 * g + 1], v3_[3 * g + 2], 0.f);
     }
     for (int c = t; c < angles; c += THREADS) {
         const int g = at(1, c);
@@ -77,6 +81,12 @@ FILL = """
         if (DAMPED) tau[c] = h.tau.data[g];
         corner[c] = make_uint2(at(4, 2 * c), at(4, 2 * c + 1));
         scale[c] = 1.f;
+        if (AIR) {
+            const int o = objects[at(0, at(4, 2 * c) & 0xffff)];
+            const float* const wind = (const float*)h.wind.data + 3 * o;
+            breeze[c] = make_float4(wind[0], wind[1], wind[2], h.drag.data[o]);
+            lift[c] = h.lift.data[o];
+        }
     }
     for (int s = t; s < SLOTS * curved; s += THREADS) {
         const float* const a = (const float*)h.value.data + 3 * at(12, s);
@@ -109,7 +119,7 @@ OWN = """
     int from = 0;
     const int points = x.shape[0], guest = GRID && owned + t < there ? at(0, owned + t) : -1;
     float4* const mail = (float4*)h.mail.data;                      // displacements of all points, twice; velocities
-    if (!GRID) { CLUSTER_MEETS } else { BLOCK_MEETS }
+    if (!GRID) { CLUSTER_BEGINS } else { BLOCK_MEETS }
 """
 SUBSTEPS = """
     for (int sub = 0; ; ++sub) {
@@ -140,13 +150,21 @@ SUBSTEPS = """
             scale[flat + i] = -fmaf(slope[i], u, kept[i]);
         }
         BLOCK_MEETS
-        float f[3] = {0, 0, 0};
+        float f[3] = {0, 0, 0}, blow[3] = {0, 0, 0}, damp = 0.f;
         for (int k = mine ? force_begin[p] + lane : 0; k < (mine ? force_begin[p + 1] : 0); k += LANES) {
             const int word = force[k], element = word >> 2;
             const float part = scale[element], *const a = F + 12 * element + (word & 3);
             for (int j = 0; j < 3; ++j) f[j] = fmaf(part, a[4 * j], f[j]);
+            if (AIR && element < flat) {
+                damp += drag[element];
+                for (int j = 0; j < 3; ++j) blow[j] += F[12 * element + 4 * j + 3];
+            }
         }
         SUM_LANES
+        if (AIR) {                                                  // one Newton step of drag, which cannot overshoot then
+            const float part = 1.f / (1.f + 2.f * (last ? step.close : kick) * w * damp);
+            for (int k = 0; k < 3; ++k) f[k] = fmaf(part, blow[k], f[k]);
+        }
         if (last) {
             for (int k = 0; k < 3 && w > 0.f; ++k) {
                 const float y = step.close * (w * f[k] + gravity[k] - decay * q[k]) + r0[k], v1 = v0[k] + y;
@@ -177,14 +195,14 @@ SUBSTEPS = """
         const float4 d1 = make_float4(d0[0], d0[1], d0[2], 0.f), q1 = make_float4(q[0], q[1], q[2], 0.f);
         if (mine && lane == 0) {
             D[S * from + p] = d1;
-            if (DAMPED) Q[S * from + p] = q1;
+            if (RATES) Q[S * from + p] = q1;
             if (GRID) mail[points * from + g0] = d1;
-            if (GRID && DAMPED) mail[points * (2 + from) + g0] = q1;
+            if (GRID && RATES) mail[points * (2 + from) + g0] = q1;
         }
         for (int k = mine && !GRID ? push_begin[p] + lane : 0; k < (mine && !GRID ? push_begin[p + 1] : 0); k += LANES) {
             const int block = push[k] >> 16, slot = push[k] & 0xffff;
-            send(block, D + S * from + slot, d1);
-            if (DAMPED) send(block, Q + S * from + slot, q1);
+            send(block, D + S * from + slot, d1, sub);
+            if (RATES) send(block, Q + S * from + slot, q1, sub);
         }
         kick = step.later;
         if (moves && step.stride && sub + 1 < step.count) {
@@ -192,7 +210,7 @@ SUBSTEPS = """
             for (int k = 0; k < 3; ++k) goal[k] = goals[k];
         }
         if (!GRID) {
-            CLUSTER_MEETS
+            CLUSTER_WAITS
         } else {                                                    // blocks wait for those that they share points with
             BLOCK_MEETS
             if (t == 0) say(h.turn.data + rank, sub + 1);
@@ -200,11 +218,12 @@ SUBSTEPS = """
             BLOCK_MEETS
             if (guest >= 0) {
                 D[S * from + owned + t] = fresh(mail + points * from + guest);
-                if (DAMPED) Q[S * from + owned + t] = fresh(mail + points * (2 + from) + guest);
+                if (RATES) Q[S * from + owned + t] = fresh(mail + points * (2 + from) + guest);
             }
             BLOCK_MEETS
         }
     }
+    if (!GRID) { CLUSTER_ENDS }                                     // nobody leaves while others may still send to it
     if (BOUNDED && room2 < -1.5f) atomicMax(h.met.data, 1);
     if (mine && lane == 0)
         for (int k = 0; k < 3; ++k) {
@@ -232,6 +251,9 @@ def sheets(real):
         relax: wp.array(dtype=t.scalar)
         own: wp.array(dtype=t.scalar)        # of curvatures
         value: wp.array(dtype=t.vec3)
+        wind: wp.array(dtype=t.vec3)         # and drag and lift of the air over each object: kernels/cloth/air.py
+        drag: wp.array(dtype=t.scalar)
+        lift: wp.array(dtype=t.scalar)
         room: wp.array(dtype=t.scalar)       # clearance [m], (points,); of frames that are watched
         met: wp.array(dtype=int)             # becomes 1 where a point goes further
         mail: wp.array(dtype=t.vec4)         # what blocks of a grid send, (4 points,)
@@ -240,24 +262,47 @@ def sheets(real):
     return Sheets
 
 
-WORDS = {   # of CUDA
-    "THREAD": "threadIdx.x", "BLOCK_MEETS": "__syncthreads();", "INT_AS_FLOAT": "__int_as_float",
-    "FLOAT_AS_INT": "__float_as_int", "RSQRT": "reciprocal_root", "RECIPROCAL": "reciprocal", "RANK": "(int)blockIdx.x",
-    "CLUSTER_MEETS": 'asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;"'
-                     ' ::: "memory");',
-    "SUM_LANES": "for (int o = LANES / 2; o > 0; o >>= 1)\n"
-                 "            for (int k = 0; k < 3; ++k) f[k] += __shfl_xor_sync(0xffffffffu, f[k], o, LANES);",
+MEETS = 'asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");'
+WORDS = {   # of CUDA. What others send counts on a barrier, as in kernels/motion/cluster.py; two in turn, as one may be ahead
+    "THREAD": "threadIdx.x", "BLOCK_MEETS": "__syncthreads();", "INT_AS_FLOAT": "__int_as_float", "RANK": "(int)blockIdx.x",
+    "FLOAT_AS_INT": "__float_as_int", "RSQRT": "reciprocal_root", "RECIPROCAL": "reciprocal", "CLUSTER_ENDS": MEETS,
+    "SUM_LANES": """for (int o = LANES / 2; o > 0; o >>= 1) {
+            for (int k = 0; k < 3; ++k) f[k] += __shfl_xor_sync(0xffffffffu, f[k], o, LANES);
+            for (int k = 0; k < 3 && AIR; ++k) blow[k] += __shfl_xor_sync(0xffffffffu, blow[k], o, LANES);
+            if (AIR) damp += __shfl_xor_sync(0xffffffffu, damp, o, LANES);
+        }""",
+    "CLUSTER_BEGINS": f"""
+        if (t == 0) {{
+            for (int b = 0; b < 2; ++b)
+                asm volatile("mbarrier.init.shared::cta.b64 [%0], %1;" :: "r"(gates + 8 * b), "r"(THREADS / 32) : "memory");
+            asm volatile("fence.mbarrier_init.release.cluster;" ::: "memory");
+        }}
+        {MEETS}""",
+    "CLUSTER_WAITS": """
+            const unsigned gate = gates + 8 * (sub & 1), bytes = sizeof(float4) * (RATES ? 2 : 1) * (there - owned);
+            __syncwarp();
+            if (t == 0)
+                asm volatile("{.reg .b64 a; mbarrier.arrive.expect_tx.release.cta.shared::cta.b64 a, [%0], %1;}"
+                             :: "r"(gate), "r"(bytes) : "memory");
+            else if (t % 32 == 0)
+                asm volatile("{.reg .b64 a; mbarrier.arrive.release.cta.shared::cta.b64 a, [%0];}" :: "r"(gate) : "memory");
+            for (unsigned done = 0; !done; )
+                asm volatile("{.reg .pred p; mbarrier.try_wait.parity.acquire.cluster.shared::cta.b64 p, [%1], %2;"
+                             "selp.u32 %0, 1, 0, p;}" : "=r"(done) : "r"(gate), "r"((sub >> 1) & 1) : "memory");""",
 }
 BEFORE = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
     extern __shared__ __align__(128) float sheet_room[];
+    __shared__ __align__(8) unsigned long long sheet_gate[2];
+    const unsigned gates = (unsigned)__cvta_generic_to_shared(sheet_gate);
     auto reciprocal = [](float a) { float r; asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a)); return r; };
     auto reciprocal_root = [](float a) { float r; asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a)); return r; };
-    auto send = [](int block, const float4* place, float4 a) {      // to the same place in another block's memory
-        unsigned to;
+    auto send = [=](int block, const float4* place, float4 a, int sub) {      // to the same place in another block's memory
+        unsigned to, by;
         asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(to) : "r"((unsigned)__cvta_generic_to_shared(place)), "r"(block));
-        asm volatile("st.shared::cluster.v4.f32 [%0], {%1, %2, %3, %4};"
-                     :: "r"(to), "f"(a.x), "f"(a.y), "f"(a.z), "f"(a.w) : "memory");
+        asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(by) : "r"(gates + 8 * (sub & 1)), "r"(block));
+        asm volatile("st.async.shared::cluster.mbarrier::complete_tx::bytes.v4.f32 [%0], {%1, %2, %3, %4}, [%5];"
+                     :: "r"(to), "f"(a.x), "f"(a.y), "f"(a.z), "f"(a.w), "r"(by) : "memory");
     };
     auto say = [](int* word, int turn) {
         __threadfence();
@@ -277,7 +322,7 @@ def sizes(plan, damped: bool, bounded: bool) -> str:
                "CURVED": plan.curved, "MOMENTS": plan.moments, "FORCES": plan.forces, "PUSHES": plan.pushes,
                "THREADS": plan.threads, "LANES": plan.lanes, "SLOTS": SLOTS, "LISTS": len(LISTS)}
     return (f"constexpr int {', '.join(f'{k} = {v}' for k, v in numbers.items())};\n"
-            f"    constexpr bool DAMPED = {str(damped).lower()}, BOUNDED = {str(bounded).lower()},"
+            f"    constexpr bool DAMPED = {str(damped).lower()}, AIR = {str(plan.air).lower()}, RATES = DAMPED || AIR, BOUNDED = {str(bounded).lower()},"
             f" GRID = {str(plan.grid).lower()};\n    {NUMBERS}\n")
 
 

@@ -2,7 +2,7 @@
 kernels/cloth/constraint.py, element.py and curvature.py, whose docstrings derive them.
 
 `hinge` and `triangle` leave the forces at the corners of an element in F, twelve numbers: x, y and z of its four corners (a
-triangle has three). Those of a hinge still wait for its moment. 1 / a and a^-1/2 are within two units in the last place.
+triangle has three: the fourth is that of the air on each of them). Those of a hinge still wait for its moment. 1 / a and a^-1/2 are within two units in the last place.
 """
 
 import math
@@ -126,7 +126,22 @@ TRIANGLE = """
         const float s0 = S4.x * C0 + S4.y * C1, s1 = S4.y * C0 + S4.w * C1, s2 = S4.z * C2;
         const V3 PA = more(-s0, Au, more(-s1, Av, times(-s2, As))), PB = more(-s0, Bu, more(-s1, Bv, times(-s2, Bs)));
         const V3 f1 = more(b.x, PA, times(b.y, PB)), f2 = more(b.z, PA, times(b.w, PB));
-        place(c, times(-1.f, add(f1, f2)), f1, f2, v3(0.f, 0.f, 0.f));
+        V3 air = v3(0.f, 0.f, 0.f);                                 // of each corner: kernels/cloth/air.py
+        if (AIR) {
+            const V3 sum = add(less(q[p[1]], q[p[0]]), less(q[p[2]], q[p[0]])), A2 = cross(X1, X2);
+            const V3 r = v3(fmaf(sum.x, 1.f / 3.f, q[p[0]].x - breeze[c].x), fmaf(sum.y, 1.f / 3.f, q[p[0]].y - breeze[c].y),
+                            fmaf(sum.z, 1.f / 3.f, q[p[0]].z - breeze[c].z));
+            const float aa = dot(A2, A2), ra = aa > 1e-37f ? root_over(aa) : 0.f, size = aa * ra, rr = dot(r, r);
+            const V3 normal = times(ra, A2);
+            const float rn = dot(r, normal), k = 0.5f * size * breeze[c].w * fabsf(rn), up = 0.5f * size * lift[c] * rn;
+            air = times(-k, r);
+            if (rr > 1e-37f) {
+                const float rs_ = root_over(rr);
+                air = more(-up * rr * rs_, more(-rn * rs_ * rs_, r, normal), air);
+            }
+            drag[c] = k;
+        }
+        place(c, times(-1.f, add(f1, f2)), f1, f2, air);
     };
 """
 NUMBERS = f"constexpr float PI = {math.pi}f, FLAT = {FLAT}f, SIXTH = {1 / 6}f;"

@@ -6,7 +6,7 @@ import pytest
 import warp as wp
 
 import wsim
-from tests.physics.fused.test_fused import CLOTH, moved, sheet
+from tests.physics.fused.test_fused import CLOTH, blown, moved, sheet
 from wsim.model.launches import Launches
 from wsim.physics.fused import domains
 from wsim.scene import Motion, Scene, shapes
@@ -67,3 +67,19 @@ def test_live_values_are_those_of_the_next_frame():
     for each in (sim, want):
         each.step()
     assert np.abs(sim.state.x.numpy() - want.state.x.numpy()).max() < ROUNDING
+
+
+def test_air_within_one_launch_is_that_between_launches_in_the_limit(monkeypatch):
+    """One takes it at the velocity of the moment, the other at that half a step later: they differ by order 1 of the step."""
+    apart = []
+    for substeps in (100, 400):
+        found = []
+        for fuses in (None, False):
+            monkeypatch.setattr(Launches, "fuses", fuses)
+            scene = blown()
+            scene.substeps = substeps
+            x, _, pull = end(scene)
+            assert (pull.cluster is None) == (fuses is False)
+            found.append(x)
+        apart.append(np.abs(found[0] - found[1]).max())
+    assert 3.0 * apart[1] < apart[0] < 2e-4

@@ -26,14 +26,15 @@ def wants(scene: Scene) -> str:
 
 
 def build(b: Build) -> Aero:
-    return Aero(b.model, b.state, b.methods.find("points"))
+    return Aero(b.model, b.state, b.methods.find("points"), bool(b.methods.find("takes air")))
 
 
 class Aero(Method):
     """Drag and lift on the triangles of every cloth that has some."""
 
-    def __init__(self, model: Model, state: State, points):
-        """points: the method that owns the tables of points and the anchor."""
+    def __init__(self, model: Model, state: State, points, taken: bool = False):
+        """points: the method that owns the tables of points and the anchor; taken: explicit steps know the air themselves, see
+        kernels/fused/sheet.py."""
         super().__init__("aero", by_world=True)
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
@@ -52,8 +53,11 @@ class Aero(Method):
             setattr(self.air, name, model.upload(values, t.scalar))
         self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
         self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
-        self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)
         self.offers = {"air": self.air, "wind": self}
+        if taken:
+            self.stages = list[Stage]()
+            return
+        self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)
         size = np.dtype(model.dtype).itemsize
         self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
                              + model.points * 11 * size, what=f"{len(triangles)} triangles")]

@@ -46,6 +46,7 @@ class Plan:
     forces: int
     pushes: int
     damped: bool
+    air: bool
 
     @property
     def grid(self) -> bool:
@@ -65,8 +66,8 @@ class Plan:
     @property
     def words(self) -> int:
         """Shared memory [4 bytes]."""
-        return (FOUR * ((5 if self.damped else 3) * self.points + (SLOTS + 1) * self.curved + 2 * self.triangles + self.hinges)
-                + 13 * (self.triangles + self.bent) + self.hinges + 2 * self.bent + self.triangles
+        return (FOUR * ((5 if self.damped or self.air else 3) * self.points + self.air * self.triangles + (SLOTS + 1) * self.curved + 2 * self.triangles + self.hinges)
+                + 2 * self.air * self.triangles + 13 * (self.triangles + self.bent) + self.hinges + 2 * self.bent + self.triangles
                 + 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
                 + 3 * FOUR)
 
@@ -85,7 +86,7 @@ class Domains:
     """Lists of every block. `plan`: None where a block's memory does not suffice."""
 
     def __init__(self, x: np.ndarray, triangles: np.ndarray, hinges: np.ndarray, curvature: dict[str, np.ndarray], size: int,
-                 damped: bool):
+                 damped: bool, air: bool = False):
         """x (n, 3) at rest [m]; triangles (t, 3) and hinges (h, 4): points; curvature: `Curvature.tables`, or nothing."""
         n = len(x)
         self.ids = [triangles, hinges]
@@ -98,13 +99,13 @@ class Domains:
         self.slot, self.curvature = np.where(used, slot, -1), curvature
         self.start, self.item = incident(np.concatenate([triangles.ravel(), hinges.ravel()])[:, None], n)
         self.blocks = [self.domain(b) for b in range(size)]
+        self.share()
         self.push()
-        self.near()
         most = {name: max(len(each[name]) for each in self.blocks) for name in LISTS}
         found = {"own": max(map(len, self.own)), "points": most["point"], "triangles": most["triangle"],
                  "bent": most["moment_begin"] - 1, "hinges": most["hinge"], "curved": most["slot"] // SLOTS,
                  "moments": most["moment"], "forces": most["force"], "pushes": most["push"]}
-        plan = Plan(size, damped=damped, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
+        plan = Plan(size, damped=damped, air=air, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
         fits = 4 * plan.words <= ROOM and plan.own <= plan.threads
         if plan.grid:
             fits = fits and max(most["near"], *(len(d["point"]) - len(own) for d, own in zip(self.blocks, self.own, strict=True))
@@ -162,13 +163,15 @@ class Domains:
             d["push"] = np.concatenate([*(word[start[i]:start[i + 1]] for i in own), np.zeros(0, int)]).astype(int)
             d["push_begin"] = np.append(0, np.cumsum(start[own + 1] - start[own]))
 
-    def near(self) -> None:
-        """Blocks that each shares points with."""
-        shares = np.zeros((len(self.own), len(self.own)), bool)
+    def share(self) -> None:
+        """Blocks that each needs points of. Who is sent something sends something: so neither gets ahead by two substeps."""
+        needs = np.zeros((len(self.own), len(self.own)), bool)
         for b, d in enumerate(self.blocks):
-            shares[b, self.block[d["point"]]] = True
-        shares = (shares | shares.T) & ~np.eye(len(shares), dtype=bool)
-        for row, d in zip(shares, self.blocks, strict=True):
+            needs[b, self.block[d["point"]]] = True
+        np.fill_diagonal(needs, False)
+        for b, other in zip(*np.nonzero(needs.T & ~needs), strict=True):
+            self.blocks[b]["point"] = np.append(self.blocks[b]["point"], self.own[other][:1])
+        for row, d in zip(needs | needs.T, self.blocks, strict=True):
             d["near"] = np.flatnonzero(row)
 
     def lists(self) -> tuple[np.ndarray, np.ndarray]:
@@ -193,14 +196,15 @@ def blocks_of(device) -> list[int]:
 class Sheets:
     """Membranes and hinges of a model that a cluster takes. `plan` is None where it cannot."""
 
-    def __init__(self, model: Model, elements: list[Elements], damped: bool):
+    def __init__(self, model: Model, elements: list[Elements], damped: bool, air: bool):
+        """air: it acts, and on nothing but triangles."""
         self.model, self.damped = model, damped
         self.of: dict[str, Any] = {e.kind: e for e in elements}
         flat, bent = self.of.get("membrane"), self.of.get("dihedral")
         none = np.zeros((0, 4), int)
         for size in blocks_of(model.device):
             found = Domains(model.stack("rest"), flat.ids if flat else none[:, :3], bent.ids if bent else none,
-                            bent.curvature.tables() if bent else {}, size, damped)
+                            bent.curvature.tables() if bent else {}, size, damped, air)
             if found.plan:
                 break
         self.plan, self.data = found.plan, None
@@ -218,6 +222,11 @@ class Sheets:
         if self.plan.grid:
             self.data.mail = wp.zeros(4 * model.points, dtype=types(model.real).vec4, device=model.device)
             self.data.turn = wp.zeros(self.plan.size, dtype=int, device=model.device)
+
+    def meet(self, air) -> None:
+        """air: struct of kernels/cloth/air.py."""
+        for name in ("wind", "drag", "lift"):
+            setattr(self.data, name, getattr(air, name))
 
     def begin(self) -> None:
         """What comes before a frame."""

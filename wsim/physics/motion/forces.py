@@ -28,21 +28,23 @@ from wsim.physics.motion.cluster import LARGE, MANY, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders, shares
 
+AIR = "air"
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 class ForceGather:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
-    def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None, alone: bool = False,
+    def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None, alone: bool | str = False,
                  staged: bool = False, shared: bool = True, packed: bool = False):
-        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it.
+        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it; AIR:
+        nothing but the air, which a cluster takes too.
         staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point. packed: who
         asks steps by a march where there is one, see `march`."""
         self.model = model
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
         self.cluster: Any = None         # `wsim.physics.motion.cluster.Cluster`, or of sheets `wsim.physics.fused.domains.Plan`
-        self.made = False
+        self.made, air, alone = False, alone == AIR, bool(alone) and alone != AIR
         self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
         if model.scene.softs:
@@ -80,9 +82,9 @@ class ForceGather:
             self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
             self.blocks = self.sheets.blocks
             return
-        if alone and self.elements and not self.apart():
+        if (alone or air and self.fanned()) and self.elements and not self.apart():
             from wsim.physics.fused.domains import Sheets as Domains
-            self.domains = Domains(model, flat, self.damped)
+            self.domains = Domains(model, flat, self.damped, air)
             self.cluster, self.shares = self.domains.plan, self.domains.data
         if not self.cluster or self.springs:
             self.make()
@@ -100,6 +102,13 @@ class ForceGather:
         model = self.model
         return (model.fuses is False or not _clusters(model.device) or model.gradients or model.worlds > 1 or model.real is not wp.float32
                 or bool(self.springs or self.tables) or not {e.kind for e in self.elements} <= KINDS)
+
+    def fanned(self) -> bool:
+        """Whether all triangles that air acts on are membranes."""
+        triangles = [b.triangles for b in self.model.bodies if getattr(b.source, "drag", 0.0) or getattr(b.source, "lift", 0.0)]
+        have = [e.ids for e in self.elements if getattr(e, "kind", "") == "membrane"]
+        return bool(have) and {*map(tuple, np.sort(np.concatenate(triangles), axis=1).tolist())} <= {
+            *map(tuple, np.sort(have[0], axis=1).tolist())}
 
     def frames(self, bounded: bool = False):
         """Kernel that takes whole frames by a cluster. bounded: frames are watched."""
