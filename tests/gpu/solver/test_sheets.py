@@ -49,7 +49,7 @@ def end(scene: Scene, frames: int = 4):
 @pytest.mark.parametrize("blocks", BLOCKS)
 @pytest.mark.parametrize("name", SCENES)
 def test_one_launch_moves_as_launch_by_launch(name, blocks, monkeypatch):
-    monkeypatch.setattr(domains, "blocks_of", lambda device: [BLOCKS[blocks]])
+    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
     x, v, pull = end(SCENES[name]())
     assert pull.cluster is not None and pull.cluster.size == BLOCKS[blocks]
     again, rate, _ = end(SCENES[name]())

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.topology import incident
+from wsim.geometry.topology import incident, slots
 from wsim.kernels.cloth.curvature import SLOTS
 from wsim.kernels.fused.sheet import LISTS, sheets
 from wsim.kernels.math.real import types
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 KINDS = {"membrane", "dihedral"}
 MOST = 1024            # threads of a block
 ROOM = 227 * 1024 - 4 * MOST - 1024        # bytes of shared memory of a block, less what Warp keeps there
+OWN = 140              # points for which a block of a cluster has memory
 FOUR, LARGEST = 4, 16  # blocks of a cluster at most
 
 
@@ -96,7 +97,9 @@ class Domains:
             self.block[own], self.place[own] = b, np.arange(len(own))
         slot = curvature["slot"].reshape(-1, SLOTS) if curvature else np.zeros((0, SLOTS), int)
         used = np.arange(SLOTS) < curvature["count"][:, None] if curvature else slot > 0
-        self.slot, self.curvature = np.where(used, slot, -1), curvature
+        self.slot = np.where(used, slot, -1)
+        self.moment = np.append(curvature["begin"], curvature["end"][-1:]) if curvature else np.zeros(len(hinges) + 1, int)
+        self.moment_item = curvature["item"].astype(np.int64) if curvature else np.zeros(0, int)
         self.start, self.item = incident(np.concatenate([triangles.ravel(), hinges.ravel()])[:, None], n)
         self.blocks = [self.domain(b) for b in range(size)]
         self.share()
@@ -125,31 +128,24 @@ class Domains:
         points = np.concatenate([own, points[self.block[points] != b]])
         at, hinge_at, curved_at = np.full(len(self.block), -1), np.full(len(hinges) + 1, -1), np.full(len(self.slot), -1)
         at[points], hinge_at[each], curved_at[curved] = np.arange(len(points)), np.arange(len(each)), np.arange(len(curved))
-        each_moment = self.moments(near)
-        moment = np.concatenate([*each_moment, np.zeros(0, int)]).astype(int)
+        moment, moment_begin = listed(self.moment, self.moment_item, near)
         force, begin = self.forces(own, flat, near)
         return {"point": points, "hinge": each, "hinge_corner": packed(at[hinges[each]]), "triangle": flat,
                 "corner": packed(at[triangles[flat]]), "slot": hinge_at[self.slot[curved]].ravel(),
                 "value": (SLOTS * curved[:, None] + np.arange(SLOTS)).ravel(),
-                "moment_begin": np.append(0, np.cumsum([len(m) for m in each_moment])).astype(int),
+                "moment_begin": moment_begin,
                 "moment": SLOTS * curved_at[moment // SLOTS] + moment % SLOTS,
                 "force_begin": begin, "force": force}
-
-    def moments(self, hinges: np.ndarray) -> list[np.ndarray]:
-        """Slots of each hinge."""
-        c = self.curvature
-        return [c["item"][c["begin"][h]:c["end"][h]].astype(int) for h in hinges]
 
     def forces(self, own: np.ndarray, flat: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Element << 2 | corner of each force of own points, triangles first, and where those of a point begin."""
         triangles, hinges = self.ids
-        found = [self.item[self.start[i]:self.start[i + 1]].astype(int) for i in own]
-        item = np.concatenate([*found, np.zeros(0, int)]).astype(int)
+        item, begin = listed(self.start, self.item, own)
         local = np.full(len(triangles) + len(hinges), -1)
         local[flat], local[len(triangles) + bent] = np.arange(len(flat)), len(flat) + np.arange(len(bent))
         folds, last = item >= triangles.size, item - triangles.size
         element = np.where(folds, len(triangles) + last // 4, item // 3)
-        return local[element] << 2 | np.where(folds, last % 4, item % 3), np.append(0, np.cumsum([len(f) for f in found]))
+        return local[element] << 2 | np.where(folds, last % 4, item % 3), begin
 
     def push(self) -> None:
         """block << 16 | place of each copy of an own point in others' memory, and where those of a point begin."""
@@ -160,8 +156,7 @@ class Domains:
         start, item = incident(guest[:, None], len(self.block))
         word = (holder << 16 | slot)[item]
         for d, own in zip(self.blocks, self.own, strict=True):
-            d["push"] = np.concatenate([*(word[start[i]:start[i + 1]] for i in own), np.zeros(0, int)]).astype(int)
-            d["push_begin"] = np.append(0, np.cumsum(start[own + 1] - start[own]))
+            d["push"], d["push_begin"] = listed(start, word, own)
 
     def share(self) -> None:
         """Blocks that each needs points of. Who is sent something sends something: so neither gets ahead by two substeps."""
@@ -181,16 +176,21 @@ class Domains:
         return np.stack([np.cumsum(count) - count, count], axis=1).ravel(), np.concatenate(each)
 
 
+def listed(start: np.ndarray, items: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Items of some rows of lists, items[start[i]:start[i + 1]], one behind the other, and where those of a row begin."""
+    return items[slots(start, rows)[0]].astype(np.int64), np.append(0, np.cumsum(start[rows + 1] - start[rows]))
+
+
 def packed(corners: np.ndarray) -> np.ndarray:
     """Places of the corners of elements (m, 3 or 4) in two words each."""
     four = np.pad(corners, ((0, 0), (0, 4 - corners.shape[1])))
     return (four[:, ::2] | four[:, 1::2] << 16).ravel()
 
 
-def blocks_of(device) -> list[int]:
+def blocks_of(device, points: int) -> list[int]:
     """Blocks to try: a cluster, then a grid of no more than there are multiprocessors."""
     cluster = 16 if device.arch == LARGE and device.sm_count >= MANY else 8
-    return [cluster, 1 << device.sm_count.bit_length() - 1]
+    return [cluster] * (points <= OWN * cluster) + [1 << device.sm_count.bit_length() - 1]
 
 
 class Sheets:
@@ -202,7 +202,7 @@ class Sheets:
         self.of: dict[str, Any] = {e.kind: e for e in elements}
         flat, bent = self.of.get("membrane"), self.of.get("dihedral")
         none = np.zeros((0, 4), int)
-        for size in blocks_of(model.device):
+        for size in blocks_of(model.device, model.points):
             found = Domains(model.stack("rest"), flat.ids if flat else none[:, :3], bent.ids if bent else none,
                             bent.curvature.tables() if bent else {}, size, damped, air)
             if found.plan:

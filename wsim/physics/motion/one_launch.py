@@ -83,7 +83,8 @@ class FreeFrames:
         """Adds a stage to those of the method, which are of frames with contacts then; a march looks at its edges itself."""
         m, model = self.method, self.model = method, method.model
         self.pull, few = m.pull, model.points <= LARGEST * model.worlds
-        if m.acts == 0 and m.field is None and self.pull.only and model.device.is_cuda and few:
+        sheets = bool(self.pull.elements) and not self.pull.apart()
+        if m.acts == 0 and m.field is None and (self.pull.only or sheets) and model.device.is_cuda and few:
             own = ForceGather(model, m.points.constants, m.rows, m.columns, alone=True)
             self.pull = own if own.cluster else self.pull
         self.at_once: Any = None         # `OneLaunch`
@@ -118,7 +119,10 @@ class FreeFrames:
         real, limits = self.model.real, {"room": clearance.room, "met": clearance.word}
         self.bounds = filled(bounds(real), **limits)
         self.look = clearance.look_at
-        if self.pull.cluster:
+        if self.pull.domains:
+            for name, value in limits.items():
+                setattr(self.pull.shares, name, value)
+        elif self.pull.cluster:
             self.at_once.shares = filled(cluster.bounded_shares(real), **values(self.pull.shares), **limits)
         elif self.method.marches:
             s, now = self.method.state, self.method.moving
