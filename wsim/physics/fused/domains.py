@@ -101,6 +101,7 @@ class Domains:
         self.moment = np.append(curvature["begin"], curvature["end"][-1:]) if curvature else np.zeros(len(hinges) + 1, int)
         self.moment_item = curvature["item"].astype(np.int64) if curvature else np.zeros(0, int)
         self.start, self.item = incident(np.concatenate([triangles.ravel(), hinges.ravel()])[:, None], n)
+        self.of = [incident(self.block[ids], size) for ids in self.ids]          # elements at the points of each block
         self.blocks = [self.domain(b) for b in range(size)]
         self.share()
         self.push()
@@ -118,17 +119,15 @@ class Domains:
     def domain(self, b: int) -> dict[str, np.ndarray]:
         """Lists of a block, but for those of what it sends."""
         own, (triangles, hinges) = self.own[b], self.ids
-        flat, near = (np.flatnonzero((self.block[ids] == b).any(axis=1)) for ids in (triangles, hinges))
-        bent = np.zeros(len(hinges) + 1, bool)
-        bent[near] = True                                           # the last stands for -1: no hinge
-        curved = np.flatnonzero(bent[self.slot].any(axis=1))
+        flat, near = (np.unique(listed(*rows, np.array([b]))[0]) for rows in self.of)
+        moment, moment_begin = listed(self.moment, self.moment_item, near)
+        curved = np.unique(moment // SLOTS)
         needed = np.setdiff1d(self.slot[curved], [-1])
         each = np.concatenate([near, np.setdiff1d(needed, near)]).astype(int)
         points = np.unique(np.concatenate([triangles[flat].ravel(), hinges[each].ravel()]))
         points = np.concatenate([own, points[self.block[points] != b]])
         at, hinge_at, curved_at = np.full(len(self.block), -1), np.full(len(hinges) + 1, -1), np.full(len(self.slot), -1)
         at[points], hinge_at[each], curved_at[curved] = np.arange(len(points)), np.arange(len(each)), np.arange(len(curved))
-        moment, moment_begin = listed(self.moment, self.moment_item, near)
         force, begin = self.forces(own, flat, near)
         return {"point": points, "hinge": each, "hinge_corner": packed(at[hinges[each]]), "triangle": flat,
                 "corner": packed(at[triangles[flat]]), "slot": hinge_at[self.slot[curved]].ravel(),
