@@ -11,7 +11,7 @@ from wsim.geometry import topology
 from wsim.kernels.cloth import air as kernels
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
-from wsim.model.stage import ByWorld, Clock, Method, Stage
+from wsim.model.stage import ByWorld, Clock, Method, Methods, Stage
 from wsim.model.state import State
 from wsim.scene import Cloth, Scene
 
@@ -53,7 +53,7 @@ class Aero(Method):
             setattr(self.air, name, model.upload(values, t.scalar))
         self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
         self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
-        self.offers = {"air": self.air, "wind": self}
+        self.taken, self.offers = taken, {"air": self.air, "wind": self}
         if taken:
             self.stages = list[Stage]()
             return
@@ -61,6 +61,10 @@ class Aero(Method):
         size = np.dtype(model.dtype).itemsize
         self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
                              + model.points * 11 * size, what=f"{len(triangles)} triangles")]
+
+    def meet(self, others: Methods) -> None:
+        if self.taken:
+            others.find("gather").domains.meet(self.air)
 
     def launch(self, clock: Clock) -> None:
         s, c = self.state, self.constants

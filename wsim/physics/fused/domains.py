@@ -92,9 +92,9 @@ class Domains:
         n = len(x)
         self.ids = [triangles, hinges]
         self.own = halves(x, np.arange(n), size)
-        self.block, self.place = np.empty(n, int), np.empty(n, int)
+        self.block = np.empty(n, int)
         for b, own in enumerate(self.own):
-            self.block[own], self.place[own] = b, np.arange(len(own))
+            self.block[own] = b
         slot = curvature["slot"].reshape(-1, SLOTS) if curvature else np.zeros((0, SLOTS), int)
         used = np.arange(SLOTS) < curvature["count"][:, None] if curvature else slot > 0
         self.slot = np.where(used, slot, -1)
@@ -192,25 +192,48 @@ def blocks_of(device, points: int) -> list[int]:
     return [cluster] * (points <= OWN * cluster) + [1 << device.sm_count.bit_length() - 1]
 
 
+def shared(pull, air: bool) -> Sheets | None:
+    """Sheets of a `wsim.physics.motion.forces.ForceGather` that nothing acts on but, maybe, the air; None where blocks cannot
+    take them."""
+    found = None if apart(pull) or air and not fanned(pull) else Sheets(pull.model, pull.elements, pull.damped, air)
+    return found if found and found.plan else None
+
+
+def apart(pull) -> bool:
+    """Whether a cluster cannot take the elements of a model: see kernels/fused/sheet.py."""
+    model, device = pull.model, pull.model.device
+    return (model.fuses is False or not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE
+            or model.gradients or model.worlds > 1 or model.real is not wp.float32 or bool(pull.springs or pull.tables)
+            or not {getattr(e, "kind", "") for e in pull.elements} <= KINDS)
+
+
+def fanned(pull) -> bool:
+    """Whether all triangles that air acts on are membranes."""
+    triangles = [b.triangles for b in pull.model.bodies if getattr(b.source, "drag", 0.0) or getattr(b.source, "lift", 0.0)]
+    have = [e.ids for e in pull.elements if e.kind == "membrane"]
+    return bool(have) and {*map(tuple, np.sort(np.concatenate(triangles), axis=1).tolist())} <= {
+        *map(tuple, np.sort(have[0], axis=1).tolist())}
+
+
 class Sheets:
     """Membranes and hinges of a model that a cluster takes. `plan` is None where it cannot."""
 
     def __init__(self, model: Model, elements: list[Elements], damped: bool, air: bool):
         """air: it acts, and on nothing but triangles."""
-        self.model, self.damped = model, damped
-        self.of: dict[str, Any] = {e.kind: e for e in elements}
-        flat, bent = self.of.get("membrane"), self.of.get("dihedral")
+        self.model = model
+        of = {e.kind: e for e in elements}
+        flat, bent = of.get("membrane"), of.get("dihedral")
         none = np.zeros((0, 4), int)
         for size in blocks_of(model.device, model.points):
             found = Domains(model.stack("rest"), flat.ids if flat else none[:, :3], bent.ids if bent else none,
                             bent.curvature.tables() if bent else {}, size, damped, air)
             if found.plan:
                 break
-        self.plan, self.data = found.plan, None
+        self.plan: Any = found.plan
         if self.plan is None:
             return
         head, every = found.lists()
-        self.data = filled(sheets(model.real), head=model.upload(head, int), list=model.upload(every, int))
+        self.data: Any = filled(sheets(model.real), head=model.upload(head, int), list=model.upload(every, int))
         if flat:
             for name in ("rest", "stiffness", "tau"):
                 setattr(self.data, name, getattr(flat.data, name))

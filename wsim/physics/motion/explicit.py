@@ -61,10 +61,10 @@ class Explicit(Method):
         self.columns = None if pins is None else pins.columns()
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
-                                alone=self.alone(steps, free),
+                                alone=AIR if steps == AIR else not (self.integrator.stages or steps
+                                                                            and (not free or model.device.is_cuda)),
                                 packed=not (self.integrator.stages or self.acts))
-        self.aired = steps == AIR and bool(self.pull.cluster)
-        self.steps = bool(steps) and not self.aired
+        self.steps = bool(steps) and not (steps == AIR and self.pull.cluster)
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
         self.free: Any = None         # `wsim.physics.motion.one_launch.FreeFrames`
@@ -75,16 +75,10 @@ class Explicit(Method):
         self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.spring_tables,
                        "forces": self.forces, "impacts": self.impacts, "earlier": lambda: self.earlier,
                        "copies": lambda: (self.at, self.pair), "least": self.least, "send": self.send,
-                       "stride": lambda: self.stride, "whole frames": self.apart, "takes air": self.aired, **(self.watch.offers if self.watch else {})}
+                       "stride": lambda: self.stride, "whole frames": self.apart, "takes air": steps == AIR and not self.steps, **(self.watch.offers if self.watch else {})}
         if free:
             from wsim.physics.motion.one_launch import FreeFrames
             self.free = FreeFrames(self, clock)
-
-    def alone(self, steps: bool | str, free: bool) -> bool | str:
-        """Whether nothing else acts within a frame, or nothing but the air: see `ForceGather`."""
-        if steps == AIR and len(self.integrator.steps) == 2 and self.model.device.is_cuda:
-            return AIR
-        return not (self.integrator.stages or steps and (not free or self.model.device.is_cuda))
 
     def make(self, count: int) -> None:
         """Kernels and stages."""
@@ -267,8 +261,6 @@ class Explicit(Method):
 
     def meet(self, others: Methods) -> None:
         self.muscles = others.find("muscles")
-        if self.aired:
-            self.pull.domains.meet(others.find("air"))
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
         if self.free:

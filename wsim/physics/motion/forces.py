@@ -82,10 +82,10 @@ class ForceGather:
             self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
             self.blocks = self.sheets.blocks
             return
-        if (alone or air and self.fanned()) and self.elements and not self.apart():
-            from wsim.physics.fused.domains import Sheets as Domains
-            self.domains = Domains(model, flat, self.damped, air)
-            self.cluster, self.shares = self.domains.plan, self.domains.data
+        if (alone or air) and self.elements:
+            from wsim.physics.fused.domains import shared
+            self.domains = shared(self, air)
+            self.cluster, self.shares = (self.domains.plan, self.domains.data) if self.domains else (None, None)
         if not self.cluster or self.springs:
             self.make()
 
@@ -95,20 +95,6 @@ class ForceGather:
         for e in self.elements:
             e.make(self.damped)
         self.corners()
-
-    def apart(self) -> bool:
-        """Whether a cluster cannot take elements: see kernels/fused/sheet.py."""
-        from wsim.physics.fused.domains import KINDS
-        model = self.model
-        return (model.fuses is False or not _clusters(model.device) or model.gradients or model.worlds > 1 or model.real is not wp.float32
-                or bool(self.springs or self.tables) or not {e.kind for e in self.elements} <= KINDS)
-
-    def fanned(self) -> bool:
-        """Whether all triangles that air acts on are membranes."""
-        triangles = [b.triangles for b in self.model.bodies if getattr(b.source, "drag", 0.0) or getattr(b.source, "lift", 0.0)]
-        have = [e.ids for e in self.elements if getattr(e, "kind", "") == "membrane"]
-        return bool(have) and {*map(tuple, np.sort(np.concatenate(triangles), axis=1).tolist())} <= {
-            *map(tuple, np.sort(have[0], axis=1).tolist())}
 
     def frames(self, bounded: bool = False):
         """Kernel that takes whole frames by a cluster. bounded: frames are watched."""
