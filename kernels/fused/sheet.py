@@ -1,14 +1,15 @@
 """A whole frame of explicit steps of sheets in one launch, by a cluster of blocks (CUDA, sm_90 and up; float32).
 
-A block has a patch of the points and computes all that acts on them: the triangles and hinges at its points, the curvatures
-that these hinges need, the angles of all hinges that those curvatures need. Displacements of the points of other patches, three
-rings, are what it needs for that, and what blocks send each other, once a substep. Everything stands in shared memory:
+A block has a domain of points and computes all that acts on them: the triangles and hinges at its points, the curvatures that
+these hinges need, the angles of all hinges that those curvatures need. For that it needs places of the points of other domains,
+three rings of them: blocks send each other these, once a substep. All else stands in shared memory:
 
-    angles of hinges, forces of triangles | curvatures | moments | points gather forces, move, are sent | the cluster meets
+    angles of hinges, forces of triangles | curvatures | moments | points gather forces, move, are sent | neighbours are awaited
 
-at a bar the threads of a block wait for each other. Elements at the edge of a patch are computed by two blocks or more, alike. A
-point's forces are gathered by `lanes` threads in a fixed order, so the bits are the same every time; they differ from launch by
-launch by rounding. Points move as in kernels/motion/cluster.py. Tables: `wsim.physics.fused.patches`.
+at a bar the threads of a block wait for each other. Elements at the edge of a domain are computed by two blocks or more, alike.
+A point's forces are gathered by LANES threads in a fixed order, so the bits are the same every time; they differ from launch by
+launch by rounding. Points move as in kernels/motion/cluster.py; air is taken at the velocity that damping sees, not at that of
+the end of the substep. Tables: `wsim.physics.fused.domains`.
 """
 
 import re
@@ -104,7 +105,7 @@ OWN = """
     const float w = mine ? c.w.data[g0] : 0.f, decay = mine ? c.decay.data[object] : 0.f;
     float room2 = BOUNDED && mine ? h.room.data[g0] : 1e30f;        // square of the clearance [m^2], -2 once it was not enough
     room2 = room2 > 0.f ? room2 * room2 : -1.f;
-    float gravity[3] = {0, 0, 0}, d0[3] = {0, 0, 0}, s[3] = {0, 0, 0}, v0[3] = {0, 0, 0}, q[3], r0[3], x0[3], goal[3] = {0, 0, 0};
+    float gravity[3] = {0}, d0[3] = {0}, s[3] = {0}, v0[3] = {0}, goal[3] = {0}, q[3], r0[3], x0[3];
     for (int k = 0; k < 3 && mine; ++k) {
         gravity[k] = ((const float*)c.gravity.data)[3 * object + k];
         d0[k] = e3[3 * g0 + k];
@@ -135,10 +136,8 @@ SUBSTEPS = """
         BLOCK_MEETS
         for (int i = t; i < curved; i += THREADS) {
             V3 sum = v3(0.f, 0.f, 0.f);
-            for (int k = 0; k < SLOTS; ++k) {
-                const float4 a = value[SLOTS * i + k];
-                sum = more(z[FLOAT_AS_INT(a.w)], v3(a.x, a.y, a.z), sum);
-            }
+            for (const float4 *a = value + SLOTS * i, *end = a + SLOTS; a < end; ++a)
+                sum = more(z[FLOAT_AS_INT(a->w)], v3(a->x, a->y, a->z), sum);
             C[i] = make_float4(sum.x, sum.y, sum.z, 0.f);
         }
         BLOCK_MEETS
@@ -195,10 +194,8 @@ SUBSTEPS = """
         from = 1 - from;
         const float4 d1 = make_float4(d0[0], d0[1], d0[2], 0.f), q1 = make_float4(q[0], q[1], q[2], 0.f);
         if (mine && lane == 0) {
-            D[S * from + p] = d1;
-            if (RATES) Q[S * from + p] = q1;
-            if (GRID) mail[points * from + g0] = d1;
-            if (GRID && RATES) mail[points * (2 + from) + g0] = q1;
+            (GRID ? mail[points * from + g0] : D[S * from + p]) = D[S * from + p] = d1;
+            if (RATES) (GRID ? mail[points * (2 + from) + g0] : Q[S * from + p]) = Q[S * from + p] = q1;
         }
         for (int k = mine && !GRID ? push_begin[p] + lane : 0; k < (mine && !GRID ? push_begin[p + 1] : 0); k += LANES) {
             const int block = push[k] >> 16, slot = push[k] & 0xffff;
@@ -266,11 +263,11 @@ def sheets(real):
 def sizes(plan, damped: bool, bounded: bool) -> str:
     """Constants of the code."""
     numbers = {"S": plan.points, "OWN": plan.own, "FLATS": plan.triangles, "BENT": plan.bent, "HINGES": plan.hinges,
-               "CURVED": plan.curved, "MOMENTS": plan.moments, "FORCES": plan.forces, "PUSHES": plan.pushes,
-               "THREADS": plan.threads, "LANES": plan.lanes, "SLOTS": SLOTS, "LISTS": len(LISTS)}
+               "CURVED": plan.curved, "MOMENTS": plan.moments, "FORCES": plan.forces, "THREADS": plan.threads,
+               "LANES": plan.lanes, "SLOTS": SLOTS, "LISTS": len(LISTS)}
+    flags = {"DAMPED": damped, "AIR": plan.air, "RATES": damped or plan.air, "BOUNDED": bounded, "GRID": plan.grid}
     return (f"constexpr int {', '.join(f'{k} = {v}' for k, v in numbers.items())};\n"
-            f"    constexpr bool DAMPED = {str(damped).lower()}, AIR = {str(plan.air).lower()}, RATES = DAMPED || AIR, BOUNDED = {str(bounded).lower()},"
-            f" GRID = {str(plan.grid).lower()};\n    {NUMBERS}\n")
+            f"    constexpr bool {', '.join(f'{k} = {int(v)}' for k, v in flags.items())};\n    {NUMBERS}\n")
 
 
 def code(plan, damped: bool, bounded: bool, words: dict[str, str] = WORDS) -> str:

@@ -2,7 +2,8 @@
 kernels/cloth/constraint.py, element.py and curvature.py, whose docstrings derive them.
 
 `hinge` and `triangle` leave the forces at the corners of an element in F, twelve numbers: x, y and z of its four corners (a
-triangle has three: the fourth is that of the air on each of them). Those of a hinge still wait for its moment. 1 / a and a^-1/2 are within two units in the last place.
+triangle has three: the fourth is that of the air on each of them). Those of a hinge still wait for its moment. 1 / a and
+a^-1/2 are within two units in the last place.
 """
 
 import math

@@ -1,5 +1,5 @@
-"""Frames of sheets in one launch of a cluster, or of a grid of blocks: the motion of launch by launch within rounding, and twice
-the same bits. Skipped where there is no CUDA device."""
+"""Frames of sheets in one launch of a cluster, or of a grid of blocks: the motion of launch by launch within rounding, and
+twice the same bits. Skipped where there is no CUDA device."""
 
 import numpy as np
 import pytest

@@ -67,10 +67,11 @@ class Plan:
     @property
     def words(self) -> int:
         """Shared memory [4 bytes]."""
-        return (FOUR * ((5 if self.damped or self.air else 3) * self.points + self.air * self.triangles + (SLOTS + 1) * self.curved + 2 * self.triangles + self.hinges)
-                + 2 * self.air * self.triangles + 13 * (self.triangles + self.bent) + self.hinges + 2 * self.bent + self.triangles
-                + 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
-                + 3 * FOUR)
+        vectors = (5 if self.damped or self.air else 3) * self.points + (SLOTS + 1) * self.curved + self.hinges
+        reals = 12 * (self.triangles + self.bent) + self.triangles + 2 * self.bent + self.hinges + self.bent
+        integers = 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
+        return (FOUR * (vectors + (2 + self.air) * self.triangles) + reals + (1 + 2 * self.air) * self.triangles
+                + integers + 3 * FOUR)
 
 
 def halves(x: np.ndarray, index: np.ndarray, size: int) -> list[np.ndarray]:
@@ -112,8 +113,8 @@ class Domains:
         plan = Plan(size, damped=damped, air=air, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
         fits = 4 * plan.words <= ROOM and plan.own <= plan.threads
         if plan.grid:
-            fits = fits and max(most["near"], *(len(d["point"]) - len(own) for d, own in zip(self.blocks, self.own, strict=True))
-                                ) <= plan.threads
+            guests = (len(d["point"]) - len(own) for d, own in zip(self.blocks, self.own, strict=True))
+            fits = fits and max(most["near"], *guests) <= plan.threads
         self.plan = plan if fits else None
 
     def domain(self, b: int) -> dict[str, np.ndarray]:
@@ -195,8 +196,10 @@ def blocks_of(device, points: int) -> list[int]:
 def shared(pull, air: bool) -> Sheets | None:
     """Sheets of a `wsim.physics.motion.forces.ForceGather` that nothing acts on but, maybe, the air; None where blocks cannot
     take them."""
-    found = None if apart(pull) or air and not fanned(pull) else Sheets(pull.model, pull.elements, pull.damped, air)
-    return found if found and found.plan else None
+    if apart(pull) or air and (pull.model.scene.loads or not fanned(pull)):
+        return None
+    found = Sheets(pull.model, pull.elements, pull.damped, air)
+    return found if found.plan else None
 
 
 def apart(pull) -> bool:

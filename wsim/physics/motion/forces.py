@@ -6,7 +6,6 @@ much, and are gathered by a few threads; else on a CPU every spring stands once,
 world, so that worlds have the bits of one alone; how many threads share a point, from all.
 """
 
-from collections.abc import Callable
 from itertools import zip_longest
 from typing import Any
 
@@ -22,7 +21,7 @@ from wsim.kernels.motion.cluster import Shares
 from wsim.model.model import Model
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.elements import Elements
+from wsim.physics.cloth.elements import Elements, Solid
 from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.motion.cluster import LARGE, MANY, cluster_of, halo
 from wsim.physics.motion.packets import Packets
@@ -36,10 +35,9 @@ class ForceGather:
 
     def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None, alone: bool | str = False,
                  staged: bool = False, shared: bool = True, packed: bool = False):
-        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it; AIR:
-        nothing but the air, which a cluster takes too.
-        staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point. packed: who
-        asks steps by a march where there is one, see `march`."""
+        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it;
+        AIR: nothing but the air. staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may
+        take a point. packed: who asks steps by a march where there is one, see `march`."""
         self.model = model
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
@@ -77,16 +75,25 @@ class ForceGather:
         self.sheets: Any = None
         self.domains: Any = None
         if packed and not self.unpacked():
-            from wsim.physics.motion.sheets import Sheets
-            self.sheets = Sheets(model, flat, self.damped, cores() if alone else 1)
-            self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
-            self.blocks = self.sheets.blocks
-            return
+            self.pack(flat, alone)
+        else:
+            self.divide(alone, air)
+
+    def pack(self, flat: list[Elements], alone: bool) -> None:
+        """Elements in packets."""
+        from wsim.physics.motion.sheets import Sheets
+        self.sheets = Sheets(self.model, flat, self.damped, cores() if alone else 1)
+        self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
+        self.blocks = self.sheets.blocks
+
+    def divide(self, alone: bool, air: bool) -> None:
+        """Sheets among blocks that take whole frames; else elements, launch by launch."""
         if (alone or air) and self.elements:
             from wsim.physics.fused.domains import shared
             self.domains = shared(self, air)
-            self.cluster, self.shares = (self.domains.plan, self.domains.data) if self.domains else (None, None)
-        if not self.cluster or self.springs:
+        if self.domains:
+            self.cluster, self.shares = self.domains.plan, self.domains.data
+        else:
             self.make()
 
     def make(self) -> None:
@@ -284,22 +291,3 @@ def _lanes(n: int, most: int) -> int:
     with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1."""
     few = 16 if n <= 8_000 else 8 if n <= 30_000 else 4 if n <= 100_000 else 2
     return min(few, 1 << max(most - 1, 0).bit_length())
-
-
-class Solid:
-    """Tets of one material model."""
-
-    def __init__(self, table):
-        self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
-
-    def make(self, damped: bool) -> None:
-        self.table.need_forces()
-
-    def passes(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> list[Callable[[], None]]:
-        """Launches that evaluate the forces of the corners, in order."""
-        n = len(x)
-        self.table.place(self.first, 0)
-        return [lambda: self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)]
-
-    def refresh(self) -> None:
-        """Live parameters are written where they are set."""

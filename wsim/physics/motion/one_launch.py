@@ -63,7 +63,7 @@ def whole_frames(method, size: int, what: str) -> tuple[OneLaunch, Stage]:
     """Form of a method whose frames a launch takes, and nothing else acts within them. size: bytes of a frame."""
     pull, s = method.pull, method.state
     if pull.cluster:
-        one = OneLaunch(method, pull.frames())
+        one, method.model.fuser = OneLaunch(method, pull.frames()), None         # of which nothing is left
         return one, Stage(method.integrator.name, "predict", one.by_cluster, 1, size, "frame", what)
     one = OneLaunch(method, method.march)
     method.move(s.e, s.v, s.r, None)
