@@ -23,6 +23,7 @@
                                 time / step), as the iterations of its solve go; a rigid body, or what else
                                 other methods move, in a substep
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
+    sheet, shared, sent         a substep of sheets that blocks share, the work of a block, what a grid of blocks takes to send
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
 
@@ -32,7 +33,9 @@ import numpy as np
 
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
+from wsim.physics.fused.domains import KINDS, OWN, SHARED
 from wsim.scene import Soft, Surface
+from wsim.scene.methods import carried, touches
 
 # GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
@@ -61,7 +64,7 @@ ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CP
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 ITERATED = 2048        # points of a sheet, up to which a cluster of CLUSTER blocks has its rows in registers
-CLUSTER = 16
+CLUSTER, GRID = 16, 128
 RATE = 8.0             # root of omega h of soft bodies where it is not known
 
 
@@ -78,6 +81,9 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     damped = any(r.tau for r in model.constraints)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
+    if marched(model, kinds):
+        blocks = CLUSTER if model.points <= OWN * CLUSTER else GRID
+        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * work / blocks}
     if packed(model, kinds):
         scene = model.scene
         aired = n * model.points * any(c.drag or c.lift for c in scene.cloths)
@@ -88,6 +94,15 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     blown = any(cloth.drag or cloth.lift for cloth in model.scene.cloths)
     return {"step": n * (1 + others), "spring": n * springs, "element": n * (work - springs), "blown": n * blown,
             "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
+
+
+def marched(model: Model, kinds: set[str]) -> bool:
+    """True if blocks of a GPU share sheets and take whole frames: see `wsim.physics.fused.domains`."""
+    scene = model.scene
+    within = scene.colliders or scene.softs or scene.loads or _hard(model) or touches(scene) or carried(scene)
+    return (model.device.is_cuda and model.device.arch >= 90 and bool(kinds) and kinds <= KINDS and not within
+            and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1 and not model.gradients
+            and all(p.stiffness == inf for p in scene.pins))
 
 
 def packed(model: Model, kinds: set[str]) -> bool:

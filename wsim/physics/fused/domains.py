@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 KINDS = {"membrane", "dihedral"}
 MOST = 1024            # threads of a block
 ROOM = 227 * 1024 - 4 * MOST - 1024        # bytes of shared memory of a block, less what Warp keeps there
-OWN = 140              # points for which a block of a cluster has memory
+OWN, SHARED = 140, 12_000        # points for which a block of a cluster has memory, and all of a grid
 FOUR, LARGEST = 4, 16  # blocks of a cluster at most
 
 

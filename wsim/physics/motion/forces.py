@@ -121,7 +121,9 @@ class ForceGather:
         return ", ".join(what for what, there in why.items() if there)
 
     def form(self) -> str:
-        """How a CPU takes elements, in words of the plan."""
+        """How elements are taken, in words of the plan."""
+        if self.domains:
+            return f" shared by {self.cluster.size} blocks"
         if self.model.device.is_cuda or self.model.gradients or not self.elements:
             return ""
         return " in packets" if self.sheets else f", no packets: {self.unpacked() or 'stages, muscles or loads'}"
