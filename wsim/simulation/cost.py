@@ -53,7 +53,7 @@ COSTS = {
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
              "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
              "touch": 5.1e-6, "near": 3e-11, "mesh": 5.8e-5,
-             "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
+             "sheet": 2.5e-6, "shared": 4.7e-10, "sent": 1.5e-6, "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
             "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
