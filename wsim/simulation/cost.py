@@ -23,6 +23,7 @@
                                 time / step), as the iterations of its solve go; a rigid body, or what else
                                 other methods move, in a substep
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
+    sheet, shared, sent         a substep of sheets that blocks share, the work of a block, what a grid of blocks takes to send
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
 
@@ -32,7 +33,9 @@ import numpy as np
 
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
+from wsim.physics.fused.domains import KINDS, OWN, SHARED
 from wsim.scene import Soft, Surface
+from wsim.scene.methods import carried, touches
 
 # GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
@@ -50,7 +53,7 @@ COSTS = {
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
              "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
              "touch": 5.1e-6, "near": 3e-11, "mesh": 5.8e-5,
-             "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
+             "sheet": 2.5e-6, "shared": 4.7e-10, "sent": 1.5e-6, "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
             "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
@@ -61,7 +64,7 @@ ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CP
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 ITERATED = 2048        # points of a sheet, up to which a cluster of CLUSTER blocks has its rows in registers
-CLUSTER = 16
+CLUSTER, GRID = 16, 128
 RATE = 8.0             # root of omega h of soft bodies where it is not known
 
 
@@ -78,6 +81,9 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     damped = any(r.tau for r in model.constraints)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
+    if marched(model, kinds):
+        blocks = CLUSTER if model.points <= OWN * CLUSTER else GRID
+        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * work / blocks}
     if packed(model, kinds):
         scene = model.scene
         aired = n * model.points * any(c.drag or c.lift for c in scene.cloths)
@@ -88,6 +94,15 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     blown = any(cloth.drag or cloth.lift for cloth in model.scene.cloths)
     return {"step": n * (1 + others), "spring": n * springs, "element": n * (work - springs), "blown": n * blown,
             "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
+
+
+def marched(model: Model, kinds: set[str]) -> bool:
+    """True if blocks of a GPU share sheets and take whole frames: see `wsim.physics.fused.domains`."""
+    scene = model.scene
+    within = scene.colliders or scene.softs or scene.loads or _hard(model) or touches(scene) or carried(scene)
+    return (model.device.is_cuda and model.device.arch >= 90 and bool(kinds) and kinds <= KINDS and not within
+            and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1 and not model.gradients
+            and all(p.stiffness == inf for p in scene.pins))
 
 
 def packed(model: Model, kinds: set[str]) -> bool:

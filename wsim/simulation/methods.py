@@ -63,6 +63,13 @@ class Build:
         pushes = [row.name for row in METHODS if row.pushes and self.reasons[row.name]]
         return pushes == ["selfcontact"] and not any(np.isfinite(p.stiffness) for p in self.scene.pins)
 
+    @property
+    def aired(self) -> bool:
+        """True if nothing but the air acts within a substep of leapfrog on a GPU."""
+        pushes = [row.name for row in METHODS if row.pushes and self.reasons[row.name]]
+        return (pushes == ["aero"] and not any(np.isfinite(p.stiffness) for p in self.scene.pins)
+                and self.model.device.is_cuda and len(self.choice.integrator.steps) == 2)
+
     def carriers(self) -> dict[str, Any]:
         """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""
         return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}

@@ -11,7 +11,7 @@ from wsim.geometry import topology
 from wsim.kernels.cloth import air as kernels
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
-from wsim.model.stage import ByWorld, Clock, Method, Stage
+from wsim.model.stage import ByWorld, Clock, Method, Methods, Stage
 from wsim.model.state import State
 from wsim.scene import Cloth, Scene
 
@@ -26,14 +26,15 @@ def wants(scene: Scene) -> str:
 
 
 def build(b: Build) -> Aero:
-    return Aero(b.model, b.state, b.methods.find("points"))
+    return Aero(b.model, b.state, b.methods.find("points"), bool(b.methods.find("takes air")))
 
 
 class Aero(Method):
     """Drag and lift on the triangles of every cloth that has some."""
 
-    def __init__(self, model: Model, state: State, points):
-        """points: the method that owns the tables of points and the anchor."""
+    def __init__(self, model: Model, state: State, points, taken: bool = False):
+        """points: the method that owns the tables of points and the anchor; taken: explicit steps know the air themselves, see
+        kernels/fused/sheet.py."""
         super().__init__("aero", by_world=True)
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
@@ -52,11 +53,18 @@ class Aero(Method):
             setattr(self.air, name, model.upload(values, t.scalar))
         self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
         self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
+        self.taken, self.offers = taken, {"air": self.air, "wind": self}
+        if taken:
+            self.stages = list[Stage]()
+            return
         self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)
-        self.offers = {"air": self.air, "wind": self}
         size = np.dtype(model.dtype).itemsize
         self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
                              + model.points * 11 * size, what=f"{len(triangles)} triangles")]
+
+    def meet(self, others: Methods) -> None:
+        if self.taken:
+            others.find("gather").domains.meet(self.air)
 
     def launch(self, clock: Clock) -> None:
         s, c = self.state, self.constants

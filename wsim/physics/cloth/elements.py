@@ -1,5 +1,5 @@
-"""Membranes, hinges and elements of any other kind as explicit steps have them: forces at the corners of each. Equations:
-kernels/cloth/element.py, curvature.py, general.py."""
+"""Membranes, hinges, elements of any other kind and tets as explicit steps have them: forces at the corners of each.
+Equations: kernels/cloth/element.py, curvature.py, general.py, and those of `wsim.physics.soft.fem`."""
 
 from __future__ import annotations
 
@@ -71,3 +71,22 @@ class Elements:
             first = [partial(launch, self.strained, cur.hinges, [self.data, x, pair, source, cur.data], []), cur.launch_sums]
             read.append(cur.data)
         return [*first, partial(launch, self.kernel, len(self.ids), read, [force])]
+
+
+class Solid:
+    """Tets of one material model."""
+
+    def __init__(self, table):
+        self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
+
+    def make(self, damped: bool) -> None:
+        self.table.need_forces()
+
+    def passes(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> list[Callable[[], None]]:
+        """Launches that evaluate the forces of the corners, in order."""
+        n = len(x)
+        self.table.place(self.first, 0)
+        return [lambda: self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)]
+
+    def refresh(self) -> None:
+        """Live parameters are written where they are set."""

@@ -27,7 +27,7 @@ from wsim.model.structs import filled
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints, changed
 from wsim.physics.motion import frequency
-from wsim.physics.motion.forces import ForceGather
+from wsim.physics.motion.forces import AIR, ForceGather
 from wsim.physics.motion.overstretch import Watch
 from wsim.scene.integrator import Integrator
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Explicit:
-    return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.within,
+    return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, AIR if b.aired else b.within,
                     b.methods.find("hard pins"), b.free and not b.others_within or b.alone)
 
 
@@ -44,28 +44,27 @@ class Explicit(Method):
     """Stages of an explicit integrator. `steps`: whether others act within a substep."""
 
     def __init__(self, model: Model, state: State, points, rows: list[Constraints], clock: Clock,
-                 steps: bool, pins=None, free: bool = False):
-        """rows: soft constraints of all bodies; pins: the method that knows the hard pins, or None; free: only contacts act
-        within a substep, and some frames have none."""
+                 steps: bool | str, pins=None, free: bool = False):
+        """rows: soft constraints of all bodies; steps: whether others act within a substep, AIR: nothing but that; pins: the
+        method that knows the hard pins, or None; free: only contacts act within a substep, and some frames have none."""
         super().__init__("explicit", by_world=not model.scene.softs)
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
-        self.rows, self.pins, self.steps, self.apart = rows, pins, steps, free
+        self.rows, self.pins, self.apart = rows, pins, free
         self.target = self.field = None       # of pins, as the net has it; (position, velocity) -> acceleration, of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
         self.impacts = Port()         # called with `change` before leapfrog's last half kick: restitution takes impacts out
         self.muscles: Any = None      # change rest lengths over time
-        self.moving: Any = None       # what a march works on
         self.staged: Any = import_module("wsim.kernels.motion.runge_kutta") if self.integrator.stages else None
-        self.at_once: Any = None      # whole frames in a launch
+        self.moving = self.at_once = self.free = None    # type: Any    # what a march works on, `OneLaunch`, `FreeFrames`
         self.columns = None if pins is None else pins.columns()
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
+        whole = not (self.integrator.stages or steps and (not free or model.device.is_cuda))
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
-                                alone=not (self.integrator.stages or steps and (not free or model.device.is_cuda)),
-                                packed=not (self.integrator.stages or self.acts))
+                                alone=AIR if steps == AIR else whole, packed=not (self.integrator.stages or self.acts))
+        self.steps = bool(steps) and not (steps == AIR and self.pull.cluster)
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
-        self.free: Any = None         # `wsim.physics.motion.one_launch.FreeFrames`
         self.make(clock.substeps)
         looks = self.marches and not (self.steps or self.pull.sheets)           # at its edges, by itself
         self.watch = None if looks else Watch(model, state, self.status, explicit=True)
@@ -73,7 +72,8 @@ class Explicit(Method):
         self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.spring_tables,
                        "forces": self.forces, "impacts": self.impacts, "earlier": lambda: self.earlier,
                        "copies": lambda: (self.at, self.pair), "least": self.least, "send": self.send,
-                       "stride": lambda: self.stride, "whole frames": self.apart, **(self.watch.offers if self.watch else {})}
+                       "stride": lambda: self.stride, "whole frames": self.apart, "takes air": steps == AIR and not self.steps,
+                       **(self.watch.offers if self.watch else {})}
         if free:
             from wsim.physics.motion.one_launch import FreeFrames
             self.free = FreeFrames(self, clock)

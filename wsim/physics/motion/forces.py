@@ -6,7 +6,6 @@ much, and are gathered by a few threads; else on a CPU every spring stands once,
 world, so that worlds have the bits of one alone; how many threads share a point, from all.
 """
 
-from collections.abc import Callable
 from itertools import zip_longest
 from typing import Any
 
@@ -22,26 +21,28 @@ from wsim.kernels.motion.cluster import Shares
 from wsim.model.model import Model
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
-from wsim.physics.cloth.elements import Elements
+from wsim.physics.cloth.elements import Elements, Solid
 from wsim.physics.cloth.kind import SPRINGS
-from wsim.physics.motion.cluster import LARGE, MANY, Cluster, cluster_of, halo
+from wsim.physics.motion.cluster import LARGE, MANY, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders, shares
 
+AIR = "air"
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 class ForceGather:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
-    def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None, alone: bool = False,
+    def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None, alone: bool | str = False,
                  staged: bool = False, shared: bool = True, packed: bool = False):
-        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it.
-        staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may take a point. packed: who
-        asks steps by a march where there is one, see `march`."""
+        """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it;
+        AIR: nothing but the air. staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may
+        take a point. packed: who asks steps by a march where there is one, see `march`."""
         self.model = model
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
-        self.cluster: Cluster | None = None
+        self.cluster: Any = None         # `wsim.physics.motion.cluster.Cluster`, or of sheets `wsim.physics.fused.domains.Plan`
+        self.made, air, alone = False, alone == AIR, bool(alone) and alone != AIR
         self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
         if model.scene.softs:
@@ -72,15 +73,44 @@ class ForceGather:
         self.by_corners: wp.array | None = None       # gradients by their positions, where p is all that is to be known
         self.rates: wp.array | None = None            # and by their velocities
         self.sheets: Any = None
+        self.domains: Any = None
         if packed and not self.unpacked():
-            from wsim.physics.motion.sheets import Sheets
-            self.sheets = Sheets(model, flat, self.damped, cores() if alone else 1)
-            self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
-            self.blocks = self.sheets.blocks
-            return
+            self.pack(flat, alone)
+        else:
+            self.divide(alone, air)
+
+    def pack(self, flat: list[Elements], alone: bool) -> None:
+        """Elements in packets."""
+        from wsim.physics.motion.sheets import Sheets
+        self.sheets = Sheets(self.model, flat, self.damped, cores() if alone else 1)
+        self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
+        self.blocks = self.sheets.blocks
+
+    def divide(self, alone: bool, air: bool) -> None:
+        """Sheets among blocks that take whole frames; else elements, launch by launch."""
+        if (alone or air) and self.elements:
+            from wsim.physics.fused.domains import shared
+            self.domains = shared(self, air)
+        if self.domains:
+            self.cluster, self.shares = self.domains.plan, self.domains.data
+        else:
+            self.make()
+
+    def make(self) -> None:
+        """Kernels of elements, before the module is compiled, and where points find their forces."""
+        self.made = True
         for e in self.elements:
-            e.make(self.damped)                  # before the module is compiled
+            e.make(self.damped)
         self.corners()
+
+    def frames(self, bounded: bool = False):
+        """Kernel that takes whole frames by a cluster. bounded: frames are watched."""
+        plan, real = self.cluster, self.model.real
+        if self.domains:
+            from wsim.kernels.fused import sheet
+            return sheet.frame(real, self.model.module_of(plan.threads), plan, self.damped, bounded)
+        from wsim.kernels.motion import cluster
+        return cluster.frame(real, self.model.module_of(plan.threads), plan, bounded)
 
     def unpacked(self) -> str:
         """What keeps elements from being taken in packets, or ""."""
@@ -91,7 +121,9 @@ class ForceGather:
         return ", ".join(what for what, there in why.items() if there)
 
     def form(self) -> str:
-        """How a CPU takes elements, in words of the plan."""
+        """How elements are taken, in words of the plan."""
+        if self.domains:
+            return f" shared by {self.cluster.size} blocks"
         if self.model.device.is_cuda or self.model.gradients or not self.elements:
             return ""
         return " in packets" if self.sheets else f", no packets: {self.unpacked() or 'stages, muscles or loads'}"
@@ -197,7 +229,9 @@ class ForceGather:
             beside(model, __name__, "element_adjoint", self, e)
 
     def need_springs(self) -> None:
-        """Makes the kernel of springs that `launch` needs on a CPU."""
+        """Makes the kernels that `launch` needs, of springs on a CPU."""
+        if not (self.made or self.sheets):
+            self.make()
         if self.added:
             self.pull = march_cpu.pull(self.model.real, self.model.module, self.damped)
 
@@ -259,22 +293,3 @@ def _lanes(n: int, most: int) -> int:
     with 1; 10k points 5.5 with 8, 5.9 with 4; 100k points 13.8 with 4, 23.7 with 8; 1M points 103 with 2, 120 with 1."""
     few = 16 if n <= 8_000 else 8 if n <= 30_000 else 4 if n <= 100_000 else 2
     return min(few, 1 << max(most - 1, 0).bit_length())
-
-
-class Solid:
-    """Tets of one material model."""
-
-    def __init__(self, table):
-        self.table, self.ids, self.first, self.damped = table, table.ids, 0, table.damped
-
-    def make(self, damped: bool) -> None:
-        self.table.need_forces()
-
-    def passes(self, x: wp.array, pair: wp.array, source: int, force: wp.array | None) -> list[Callable[[], None]]:
-        """Launches that evaluate the forces of the corners, in order."""
-        n = len(x)
-        self.table.place(self.first, 0)
-        return [lambda: self.table.forces(x, pair[source * n:(source + 1) * n], pair[(2 + source) * n:(3 + source) * n], force)]
-
-    def refresh(self) -> None:
-        """Live parameters are written where they are set."""

@@ -9,6 +9,7 @@ from wsim.kernels.motion import cluster
 from wsim.kernels.motion.march_cpu import moving
 from wsim.model.stage import FREE, MET, Clock, Stage
 from wsim.model.structs import filled, values
+from wsim.physics.fused.domains import apart
 from wsim.physics.motion.forces import ForceGather
 
 LARGEST = 8192         # points of a world that a cluster takes at most, see `wsim.physics.motion.cluster`
@@ -33,6 +34,8 @@ class OneLaunch:
     def by_cluster(self, clock: Clock) -> None:
         pull, s = self.pull, self.method.state
         plan = pull.cluster
+        if pull.domains:
+            pull.domains.begin()
         self.model.launch_blocks(self.kernel, plan.size * self.model.worlds, plan.threads,
                                  [pull.net, self.shares or pull.shares, s.x, self.whole(clock)], [s.x, s.e, s.v, s.r])
 
@@ -58,9 +61,9 @@ class OneLaunch:
 
 def whole_frames(method, size: int, what: str) -> tuple[OneLaunch, Stage]:
     """Form of a method whose frames a launch takes, and nothing else acts within them. size: bytes of a frame."""
-    pull, model, s = method.pull, method.model, method.state
+    pull, s = method.pull, method.state
     if pull.cluster:
-        one = OneLaunch(method, cluster.frame(model.real, model.module_of(pull.cluster.threads), pull.cluster))
+        one, method.model.fuser = OneLaunch(method, pull.frames()), None         # of which nothing is left
         return one, Stage(method.integrator.name, "predict", one.by_cluster, 1, size, "frame", what)
     one = OneLaunch(method, method.march)
     method.move(s.e, s.v, s.r, None)
@@ -81,7 +84,8 @@ class FreeFrames:
         """Adds a stage to those of the method, which are of frames with contacts then; a march looks at its edges itself."""
         m, model = self.method, self.model = method, method.model
         self.pull, few = m.pull, model.points <= LARGEST * model.worlds
-        if m.acts == 0 and m.field is None and self.pull.only and model.device.is_cuda and few:
+        sheets = bool(self.pull.elements) and not apart(self.pull)
+        if m.acts == 0 and m.field is None and (self.pull.only or sheets) and model.device.is_cuda and few:
             own = ForceGather(model, m.points.constants, m.rows, m.columns, alone=True)
             self.pull = own if own.cluster else self.pull
         self.at_once: Any = None         # `OneLaunch`
@@ -97,8 +101,7 @@ class FreeFrames:
         """size: bytes of a substep; launches: of a substep that is launched by itself."""
         m, real, name = self.method, self.model.real, self.method.integrator.name
         if self.pull.cluster:
-            kernel = cluster.frame(real, self.model.module_of(self.pull.cluster.threads), self.pull.cluster, True)
-            self.at_once = OneLaunch(m, kernel, self.pull)
+            self.at_once = OneLaunch(m, self.pull.frames(bounded=True), self.pull)
             return Stage(name, "predict", self.at_once.by_cluster, 1, size * count, "frame", what, FREE)
         if m.marches:
             self.at_once = OneLaunch(m, m.march)
@@ -117,7 +120,10 @@ class FreeFrames:
         real, limits = self.model.real, {"room": clearance.room, "met": clearance.word}
         self.bounds = filled(bounds(real), **limits)
         self.look = clearance.look_at
-        if self.pull.cluster:
+        if self.pull.domains:
+            for name, value in limits.items():
+                setattr(self.pull.shares, name, value)
+        elif self.pull.cluster:
             self.at_once.shares = filled(cluster.bounded_shares(real), **values(self.pull.shares), **limits)
         elif self.method.marches:
             s, now = self.method.state, self.method.moving

@@ -1,0 +1,85 @@
+"""Frames of sheets in one launch of a cluster, or of a grid of blocks: the motion of launch by launch within rounding, and
+twice the same bits. Skipped where there is no CUDA device."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+import wsim
+from tests.physics.fused.test_fused import CLOTH, blown, moved, sheet
+from wsim.model.launches import Launches
+from wsim.physics.fused import domains
+from wsim.scene import Motion, Scene, shapes
+from wsim.scene.fabric import Fabric
+
+wp.init()
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
+STIFF = Fabric(**{**CLOTH.__dict__, "damping": 0.0, "weft": 500.0})
+ROUNDING = 2e-6        # [m], after four frames of a fold through which rounding grows
+
+
+def two() -> Scene:
+    """A folded sheet whose pin moves, and one that falls: of other materials, without damping."""
+    scene = Scene(solver="explicit")
+    points, counts, indices = shapes.sheet(0.6, 0.4, 20, 14, horizontal=True)
+    points = np.where(points[:, :1] > 0.0, points * [-1.0, 1.0, 1.0] + [0.0, 0.02, 0.0], points)
+    folded = scene.cloth("/folded", points, counts, indices, material=STIFF)
+    scene.pin("/hand", folded, range(15), motion=Motion([0.0, 1.0], [np.eye(4), moved(0.2, 0.3, 0.0)]))
+    points, counts, indices = shapes.sheet(0.3, 0.3, 9, 9)
+    scene.cloth("/falls", points + [2.0, 0.0, 0.0], counts, indices, material=CLOTH)
+    return scene
+
+
+def limp() -> Scene:
+    """Triangles without hinges."""
+    return sheet(Fabric(stretch=300.0, shear=100.0, bend=0.0, thickness=2e-3))
+
+
+SCENES = {"damped": sheet, "two": two, "limp": limp}
+BLOCKS = {"cluster of 8": 8, "cluster": 16, "grid": 64}
+
+
+def end(scene: Scene, frames: int = 4):
+    sim = wsim.Simulation(scene, device="cuda:0")
+    for _ in range(frames):
+        sim.step()
+    return sim.state.x.numpy(), sim.state.v.numpy(), sim.plan.find("gather")
+
+
+@pytest.mark.parametrize("blocks", BLOCKS)
+@pytest.mark.parametrize("name", SCENES)
+def test_one_launch_moves_as_launch_by_launch(name, blocks, monkeypatch):
+    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
+    x, v, pull = end(SCENES[name]())
+    assert pull.cluster is not None and pull.cluster.size == BLOCKS[blocks]
+    again, rate, _ = end(SCENES[name]())
+    assert np.array_equal(x, again) and np.array_equal(v, rate)
+    monkeypatch.setattr(Launches, "fuses", False)
+    apart, _, pull = end(SCENES[name]())
+    assert pull.cluster is None
+    assert np.abs(x - apart).max() < ROUNDING and np.abs(v).max() > 0.1
+
+
+def test_live_values_are_those_of_the_next_frame():
+    scene, other = sheet(), sheet(Fabric(**{**CLOTH.__dict__, "stretch": 200.0}))
+    sim, want = (wsim.Simulation(s, device="cuda:0") for s in (scene, other))
+    sim.set("/cloth", "stretch", 200.0)
+    for each in (sim, want):
+        each.step()
+    assert np.abs(sim.state.x.numpy() - want.state.x.numpy()).max() < ROUNDING
+
+
+def test_air_within_one_launch_is_that_between_launches_in_the_limit(monkeypatch):
+    """One takes it at the velocity of the moment, the other at that half a step later: they differ by order 1 of the step."""
+    apart = []
+    for substeps in (100, 400):
+        found = []
+        for fuses in (None, False):
+            monkeypatch.setattr(Launches, "fuses", fuses)
+            scene = blown()
+            scene.substeps = substeps
+            x, _, pull = end(scene)
+            assert (pull.cluster is None) == (fuses is False)
+            found.append(x)
+        apart.append(np.abs(found[0] - found[1]).max())
+    assert 3.0 * apart[1] < apart[0] < 0.01 * np.ptp(found[0], axis=0).max()

@@ -1,0 +1,259 @@
+"""How a cluster of blocks shares sheets: the points of each block, and what it computes for them. See kernels/fused/sheet.py.
+
+    own       the points of a block: halves of equal numbers across the longest side at rest, again and again
+    flat      triangles with an own point                  bent      hinges with an own point
+    curved    triangles whose curvature they need          hinges    those, and all that these curvatures need
+    points    own points, then those of other blocks that any of these has
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry.topology import incident, slots
+from wsim.kernels.cloth.curvature import SLOTS
+from wsim.kernels.fused.sheet import LISTS, sheets
+from wsim.kernels.math.real import types
+from wsim.model.structs import filled
+from wsim.physics.motion.cluster import LARGE, MANY
+
+if TYPE_CHECKING:
+    from wsim.model.model import Model
+    from wsim.physics.cloth.elements import Elements
+
+KINDS = {"membrane", "dihedral"}
+MOST = 1024            # threads of a block
+ROOM = 227 * 1024 - 4 * MOST - 1024        # bytes of shared memory of a block, less what Warp keeps there
+OWN, SHARED = 140, 12_000        # points for which a block of a cluster has memory, and all of a grid
+FOUR, LARGEST = 4, 16  # blocks of a cluster at most
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Blocks, and the most that any has of each list (multiples of four)."""
+
+    size: int
+    own: int
+    points: int
+    triangles: int
+    bent: int
+    hinges: int
+    curved: int
+    moments: int
+    forces: int
+    pushes: int
+    damped: bool
+    air: bool
+
+    @property
+    def grid(self) -> bool:
+        """Whether blocks are a multiprocessor each and send through global memory, instead of a cluster."""
+        return self.size > LARGEST
+
+    @property
+    def lanes(self) -> int:
+        """Threads that gather the forces of a point."""
+        return next(k for k in (8, 4, 2, 1) if k * self.own <= self.threads or k == 1)
+
+    @property
+    def threads(self) -> int:
+        """Threads of a block: an element each, as far as there are registers."""
+        return int(np.clip(-(-(self.hinges + self.triangles) // 32) * 32, 256, 640))
+
+    @property
+    def words(self) -> int:
+        """Shared memory [4 bytes]."""
+        vectors = (5 if self.damped or self.air else 3) * self.points + (SLOTS + 1) * self.curved + self.hinges
+        reals = 12 * (self.triangles + self.bent) + self.triangles + 2 * self.bent + self.hinges + self.bent
+        integers = 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
+        return (FOUR * (vectors + (2 + self.air) * self.triangles) + reals + (1 + 2 * self.air) * self.triangles
+                + integers + 3 * FOUR)
+
+
+def halves(x: np.ndarray, index: np.ndarray, size: int) -> list[np.ndarray]:
+    """The points of an index in `size` parts, a power of 2. x (n, 3): [m]."""
+    if size == 1:
+        return [np.sort(index)]
+    axis = np.ptp(x[index], axis=0).argmax() if len(index) else 0
+    order = index[np.argsort(x[index, axis], kind="stable")]
+    middle = len(order) // 2
+    return [*halves(x, order[:middle], size // 2), *halves(x, order[middle:], size // 2)]
+
+
+class Domains:
+    """Lists of every block. `plan`: None where a block's memory does not suffice."""
+
+    def __init__(self, x: np.ndarray, triangles: np.ndarray, hinges: np.ndarray, curvature: dict[str, np.ndarray], size: int,
+                 damped: bool, air: bool = False):
+        """x (n, 3) at rest [m]; triangles (t, 3) and hinges (h, 4): points; curvature: `Curvature.tables`, or nothing."""
+        n = len(x)
+        self.ids = [triangles, hinges]
+        self.own = halves(x, np.arange(n), size)
+        self.block = np.empty(n, int)
+        for b, own in enumerate(self.own):
+            self.block[own] = b
+        slot = curvature["slot"].reshape(-1, SLOTS) if curvature else np.zeros((0, SLOTS), int)
+        used = np.arange(SLOTS) < curvature["count"][:, None] if curvature else slot > 0
+        self.slot = np.where(used, slot, -1)
+        self.moment = np.append(curvature["begin"], curvature["end"][-1:]) if curvature else np.zeros(len(hinges) + 1, int)
+        self.moment_item = curvature["item"].astype(np.int64) if curvature else np.zeros(0, int)
+        self.start, self.item = incident(np.concatenate([triangles.ravel(), hinges.ravel()])[:, None], n)
+        self.of = [incident(self.block[ids], size) for ids in self.ids]          # elements at the points of each block
+        self.blocks = [self.domain(b) for b in range(size)]
+        self.share()
+        self.push()
+        most = {name: max(len(each[name]) for each in self.blocks) for name in LISTS}
+        found = {"own": max(map(len, self.own)), "points": most["point"], "triangles": most["triangle"],
+                 "bent": most["moment_begin"] - 1, "hinges": most["hinge"], "curved": most["slot"] // SLOTS,
+                 "moments": most["moment"], "forces": most["force"], "pushes": most["push"]}
+        plan = Plan(size, damped=damped, air=air, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
+        fits = 4 * plan.words <= ROOM and plan.own <= plan.threads
+        if plan.grid:
+            guests = (len(d["point"]) - len(own) for d, own in zip(self.blocks, self.own, strict=True))
+            fits = fits and max(most["near"], *guests) <= plan.threads
+        self.plan = plan if fits else None
+
+    def domain(self, b: int) -> dict[str, np.ndarray]:
+        """Lists of a block, but for those of what it sends."""
+        own, (triangles, hinges) = self.own[b], self.ids
+        flat, near = (np.unique(listed(*rows, np.array([b]))[0]) for rows in self.of)
+        moment, moment_begin = listed(self.moment, self.moment_item, near)
+        curved = np.unique(moment // SLOTS)
+        needed = np.setdiff1d(self.slot[curved], [-1])
+        each = np.concatenate([near, np.setdiff1d(needed, near)]).astype(int)
+        points = np.unique(np.concatenate([triangles[flat].ravel(), hinges[each].ravel()]))
+        points = np.concatenate([own, points[self.block[points] != b]])
+        at, hinge_at, curved_at = np.full(len(self.block), -1), np.full(len(hinges) + 1, -1), np.full(len(self.slot), -1)
+        at[points], hinge_at[each], curved_at[curved] = np.arange(len(points)), np.arange(len(each)), np.arange(len(curved))
+        force, begin = self.forces(own, flat, near)
+        return {"point": points, "hinge": each, "hinge_corner": packed(at[hinges[each]]), "triangle": flat,
+                "corner": packed(at[triangles[flat]]), "slot": hinge_at[self.slot[curved]].ravel(),
+                "value": (SLOTS * curved[:, None] + np.arange(SLOTS)).ravel(),
+                "moment_begin": moment_begin,
+                "moment": SLOTS * curved_at[moment // SLOTS] + moment % SLOTS,
+                "force_begin": begin, "force": force}
+
+    def forces(self, own: np.ndarray, flat: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Element << 2 | corner of each force of own points, triangles first, and where those of a point begin."""
+        triangles, hinges = self.ids
+        item, begin = listed(self.start, self.item, own)
+        local = np.full(len(triangles) + len(hinges), -1)
+        local[flat], local[len(triangles) + bent] = np.arange(len(flat)), len(flat) + np.arange(len(bent))
+        folds, last = item >= triangles.size, item - triangles.size
+        element = np.where(folds, len(triangles) + last // 4, item // 3)
+        return local[element] << 2 | np.where(folds, last % 4, item % 3), begin
+
+    def push(self) -> None:
+        """block << 16 | place of each copy of an own point in others' memory, and where those of a point begin."""
+        holder = np.concatenate([np.full(len(d["point"]) - len(own), b)
+                                 for b, (d, own) in enumerate(zip(self.blocks, self.own, strict=True))])
+        guest = np.concatenate([d["point"][len(own):] for d, own in zip(self.blocks, self.own, strict=True)])
+        slot = np.concatenate([np.arange(len(own), len(d["point"])) for d, own in zip(self.blocks, self.own, strict=True)])
+        start, item = incident(guest[:, None], len(self.block))
+        word = (holder << 16 | slot)[item]
+        for d, own in zip(self.blocks, self.own, strict=True):
+            d["push"], d["push_begin"] = listed(start, word, own)
+
+    def share(self) -> None:
+        """Blocks that each needs points of. Who is sent something sends something: so neither gets ahead by two substeps."""
+        needs = np.zeros((len(self.own), len(self.own)), bool)
+        for b, d in enumerate(self.blocks):
+            needs[b, self.block[d["point"]]] = True
+        np.fill_diagonal(needs, False)
+        for b, other in zip(*np.nonzero(needs.T & ~needs), strict=True):
+            self.blocks[b]["point"] = np.append(self.blocks[b]["point"], self.own[other][:1])
+        for row, d in zip(needs | needs.T, self.blocks, strict=True):
+            d["near"] = np.flatnonzero(row)
+
+    def lists(self) -> tuple[np.ndarray, np.ndarray]:
+        """First place and size of every list of every block, and all of them."""
+        each = [d[name] for d in self.blocks for name in LISTS]
+        count = np.array([len(a) for a in each])
+        return np.stack([np.cumsum(count) - count, count], axis=1).ravel(), np.concatenate(each)
+
+
+def listed(start: np.ndarray, items: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Items of some rows of lists, items[start[i]:start[i + 1]], one behind the other, and where those of a row begin."""
+    return items[slots(start, rows)[0]].astype(np.int64), np.append(0, np.cumsum(start[rows + 1] - start[rows]))
+
+
+def packed(corners: np.ndarray) -> np.ndarray:
+    """Places of the corners of elements (m, 3 or 4) in two words each."""
+    four = np.pad(corners, ((0, 0), (0, 4 - corners.shape[1])))
+    return (four[:, ::2] | four[:, 1::2] << 16).ravel()
+
+
+def blocks_of(device, points: int) -> list[int]:
+    """Blocks to try: a cluster, then a grid of no more than there are multiprocessors."""
+    cluster = 16 if device.arch == LARGE and device.sm_count >= MANY else 8
+    return [cluster] * (points <= OWN * cluster) + [1 << device.sm_count.bit_length() - 1]
+
+
+def shared(pull, air: bool) -> Sheets | None:
+    """Sheets of a `wsim.physics.motion.forces.ForceGather` that nothing acts on but, maybe, the air; None where blocks cannot
+    take them."""
+    if apart(pull) or air and (pull.model.scene.loads or not fanned(pull)):
+        return None
+    found = Sheets(pull.model, pull.elements, pull.damped, air)
+    return found if found.plan else None
+
+
+def apart(pull) -> bool:
+    """Whether a cluster cannot take the elements of a model: see kernels/fused/sheet.py."""
+    model, device = pull.model, pull.model.device
+    return (model.fuses is False or not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE
+            or model.gradients or model.worlds > 1 or model.real is not wp.float32 or bool(pull.springs or pull.tables)
+            or not {getattr(e, "kind", "") for e in pull.elements} <= KINDS)
+
+
+def fanned(pull) -> bool:
+    """Whether all triangles that air acts on are membranes."""
+    triangles = [b.triangles for b in pull.model.bodies if getattr(b.source, "drag", 0.0) or getattr(b.source, "lift", 0.0)]
+    have = [e.ids for e in pull.elements if e.kind == "membrane"]
+    return bool(have) and {*map(tuple, np.sort(np.concatenate(triangles), axis=1).tolist())} <= {
+        *map(tuple, np.sort(have[0], axis=1).tolist())}
+
+
+class Sheets:
+    """Membranes and hinges of a model that a cluster takes. `plan` is None where it cannot."""
+
+    def __init__(self, model: Model, elements: list[Elements], damped: bool, air: bool):
+        """air: it acts, and on nothing but triangles."""
+        self.model = model
+        of = {e.kind: e for e in elements}
+        flat, bent = of.get("membrane"), of.get("dihedral")
+        none = np.zeros((0, 4), int)
+        for size in blocks_of(model.device, model.points):
+            found = Domains(model.stack("rest"), flat.ids if flat else none[:, :3], bent.ids if bent else none,
+                            bent.curvature.tables() if bent else {}, size, damped, air)
+            if found.plan:
+                break
+        self.plan: Any = found.plan
+        if self.plan is None:
+            return
+        head, every = found.lists()
+        self.data: Any = filled(sheets(model.real), head=model.upload(head, int), list=model.upload(every, int))
+        if flat:
+            for name in ("rest", "stiffness", "tau"):
+                setattr(self.data, name, getattr(flat.data, name))
+        if bent:
+            for name, own in (("angle", "rest"), ("bend", "stiffness"), ("relax", "tau")):
+                setattr(self.data, name, getattr(bent.data, own))
+            self.data.own, self.data.value = bent.curvature.data.own, bent.curvature.data.value
+        if self.plan.grid:
+            self.data.mail = wp.zeros(4 * model.points, dtype=types(model.real).vec4, device=model.device)
+            self.data.turn = wp.zeros(self.plan.size, dtype=int, device=model.device)
+
+    def meet(self, air) -> None:
+        """air: struct of kernels/cloth/air.py."""
+        for name in ("wind", "drag", "lift"):
+            setattr(self.data, name, getattr(air, name))
+
+    def begin(self) -> None:
+        """What comes before a frame."""
+        if self.plan.grid:
+            self.model.zero(self.data.turn)
