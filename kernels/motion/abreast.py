@@ -69,7 +69,7 @@ def text(body: str, otherwise: str = "") -> str:
 
 
 @wp.func_native(text(JOIN, "return 0;"))
-def join(team: Team) -> int: ...
+def native_join(team: Team) -> int: ...
 
 
 @wp.func_native(text("return rank > 0 ? (int)look({FROM}) : 0;", "return 0;"))
@@ -77,16 +77,35 @@ def since(team: Team, rank: int) -> int: ...
 
 
 @wp.func_native(text(MEET))
-def meet(team: Team, rank: int, walkers: int): ...
+def native_meet(team: Team, rank: int, walkers: int): ...
 
 
 @wp.func_native(text(TOGETHER, "return 1;"))
-def together(team: Team, rank: int, walkers: int, step: int, steps: int) -> int: ...
+def native_together(team: Team, rank: int, walkers: int, step: int, steps: int) -> int: ...
 
 
 @wp.func_native(text(LEAVE))
-def leave(team: Team, rank: int, walkers: int): ...
+def native_leave(team: Team, rank: int, walkers: int): ...
 
 
-for _each in (join, since, together, meet, leave):       # long, and none of them is called often
-    _each.inline_hint = "noinline"
+# by themselves: they are long, and a kernel calls them from many places
+
+
+@wp.func(inline=False)
+def join(team: Team):
+    return native_join(team)
+
+
+@wp.func(inline=False)
+def meet(team: Team, rank: int, walkers: int):
+    native_meet(team, rank, walkers)
+
+
+@wp.func(inline=False)
+def together(team: Team, rank: int, walkers: int, step: int, steps: int):
+    return native_together(team, rank, walkers, step, steps)
+
+
+@wp.func(inline=False)
+def leave(team: Team, rank: int, walkers: int):
+    native_leave(team, rank, walkers)

@@ -149,11 +149,13 @@ def march(real, module, damped: bool, bounded: bool = False):
     @wp.func_native(code(real, damped, bounded))
     def substeps(thread: int, among: int, c: Net, s: Sheet, step: Step, team: Team, p: Moving, room: wp.array(dtype=vec4)): ...
 
-    substeps.inline_hint = "noinline"                    # it is compiled once
+    @wp.func(inline=False)                               # compiled once, for all kernels of the module
+    def part(thread: int, among: int, c: Net, s: Sheet, step: Step, team: Team, p: Moving, room: wp.array(dtype=vec4)):
+        substeps(thread, among, c, s, step, team, p, room)
 
     @wp.kernel(module=module, enable_backward=False)
     def march_sheet(c: Net, s: Sheet, step: Step, team: Team, p_out: Moving, room_out: wp.array(dtype=vec4)):
-        substeps(0, 0, c, s, step, team, p_out, room_out)
+        part(0, 0, c, s, step, team, p_out, room_out)
 
-    march_sheet.part = substeps                          # of a thread of many, in another launch
+    march_sheet.part = part                              # of a thread of many, in another launch
     return march_sheet

@@ -210,7 +210,11 @@ def packet(material: str, damped: bool, real):
     @wp.func_native(code)
     def packet(tets: Tets, x: vec3, d: vec3, v: vec3, q_in: quat, some: wp.vec2i, f_out: vec3, q_out: quat) -> int: ...
 
-    return packet
+    @wp.func(inline=False)                               # compiled once, for all kernels of the module
+    def packet_of(tets: Tets, x: vec3, d: vec3, v: vec3, q_in: quat, some: wp.vec2i, f_out: vec3, q_out: quat):
+        return packet(tets, x, d, v, q_in, some, f_out, q_out)
+
+    return packet_of
 
 
 @cache
@@ -219,6 +223,10 @@ def forces(material: str, damped: bool, *, real, module):
     t, Tets, eight, one = types(real), elements(real), packet(material, damped, real), force(material, damped, real)
     vec3, quat, many, turns = wp.array(dtype=t.vec3), wp.array(dtype=t.quat), EIGHT, bool(STRESSES[material][0])
 
+    @wp.func(inline=False)
+    def left_over(tets: Tets, c: int, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
+        one(tets, c, x, d, v, q, f_out, q_out)
+
     def forces(tets: Tets, size: int, x: vec3, d: vec3, v: vec3, q: quat, f_out: vec3, q_out: quat):
         first = wp.static(many) * wp.tid()
         left = eight(tets, x, d, v, q, wp.vec2i(first, size), f_out, q_out)
@@ -226,7 +234,7 @@ def forces(material: str, damped: bool, *, real, module):
             k = int(0)  # noqa: UP018
             while left != 0:
                 if left & 1 != 0:
-                    one(tets, first + k, x, d, v, q, f_out, q_out)
+                    left_over(tets, first + k, x, d, v, q, f_out, q_out)
                 left = left >> 1
                 k += 1
 

@@ -39,7 +39,7 @@ LARGEST = 200_000      # items of a phase from which launches are no more what c
 # (343 points) 9.3, 6.3; flag (925) 9.2, 6.9; bear (961) 1.6, 1.0; sheet of 33 x 33 (1089) 3.7, 3.2, damped 21.3, 17.4; cape
 # (1705) 36, 28; the shirt (6436) hung 25.8, 22.9, on its dummy, a mesh, with lists of candidates 65, 87 (94, 102 without)
 MOST = 8192
-SHARE = 200            # items of the widest phase that a CPU thread is worth
+SHARE = 100            # items of the widest phase that a CPU thread is worth
 
 
 def shape_of(device, widest: int) -> Shape:
