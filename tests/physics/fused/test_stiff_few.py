@@ -60,6 +60,13 @@ def test_auto_takes_leapfrog_with_mass_at_slivers_where_they_alone_make_it_dear(
     assert frequency.bound(pinch.model)[0] < frequency.bound(own)[0] / WORTH
 
 
+def test_every_world_has_the_mass_that_one_alone_is_given():
+    scene = replace(pinched(2e-3), solver="auto", fps=2000.0)
+    alone, both = (wsim.Simulation(scene, device="cpu", worlds=worlds) for worlds in (1, 2))
+    assert alone.plan.choice == both.plan.choice and alone.plan.choice.slowed
+    assert all(np.array_equal(body.masses, alone.model.bodies[0].masses) for body in both.model.bodies)
+
+
 @pytest.mark.parametrize("settings", [{}, {"solver": "xpbd"}, {"integrator": "leapfrog", "substeps": 1000}])
 def test_a_mesh_of_like_triangles_and_other_solvers_keep_their_masses(settings):
     scene = pinched(0.05 if settings else 1.0)
