@@ -33,7 +33,6 @@ import numpy as np
 
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
-from wsim.physics.fused.domains import KINDS, OWN, SHARED
 from wsim.scene import Soft, Surface
 from wsim.scene.methods import carried, touches
 
@@ -82,6 +81,7 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
     if marched(model, kinds):
+        from wsim.physics.fused.domains import OWN
         blocks = CLUSTER if model.points <= OWN * CLUSTER else GRID
         return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * work / blocks}
     if packed(model, kinds):
@@ -98,9 +98,12 @@ def explicit(model: Model, n: int) -> dict[str, float]:
 
 def marched(model: Model, kinds: set[str]) -> bool:
     """True if blocks of a GPU share sheets and take whole frames: see `wsim.physics.fused.domains`."""
+    if not model.device.is_cuda:
+        return False
+    from wsim.physics.fused.domains import KINDS, SHARED
     scene = model.scene
     within = scene.colliders or scene.softs or scene.loads or _hard(model) or touches(scene) or carried(scene)
-    return (model.device.is_cuda and model.device.arch >= 90 and bool(kinds) and kinds <= KINDS and not within
+    return (model.device.arch >= 90 and bool(kinds) and kinds <= KINDS and not within
             and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1 and not model.gradients
             and all(p.stiffness == inf for p in scene.pins))
 

@@ -5,6 +5,9 @@ a meeting of the threads that stay costs a fraction of it. So the launches of th
 (`recorder`), and where they differ in numbers alone (`program`), one kernel (`source`) takes them: the same functions over
 the same arrays in the same order, hence the same bits (tets in float64 alone differ in the last digits on CUDA). What does
 not fit is launched as ever, and the plan says why.
+
+On a CPU, where a launch costs little, it is threads that gain: they share each phase (kernels/motion/abreast.py). Kernels that
+are only parts of the one are not compiled by themselves, so it costs no more to compile.
 """
 
 from __future__ import annotations

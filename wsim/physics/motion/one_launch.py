@@ -9,7 +9,6 @@ from wsim.kernels.motion import cluster
 from wsim.kernels.motion.march_cpu import moving
 from wsim.model.stage import FREE, MET, Clock, Stage
 from wsim.model.structs import filled, values
-from wsim.physics.fused.domains import apart
 from wsim.physics.motion.forces import ForceGather
 
 LARGEST = 8192         # points of a world that a cluster takes at most, see `wsim.physics.motion.cluster`
@@ -84,7 +83,10 @@ class FreeFrames:
         """Adds a stage to those of the method, which are of frames with contacts then; a march looks at its edges itself."""
         m, model = self.method, self.model = method, method.model
         self.pull, few = m.pull, model.points <= LARGEST * model.worlds
-        sheets = bool(self.pull.elements) and not apart(self.pull)
+        sheets = False
+        if model.device.is_cuda:
+            from wsim.physics.fused.domains import apart
+            sheets = bool(self.pull.elements) and not apart(self.pull)
         if m.acts == 0 and m.field is None and (self.pull.only or sheets) and model.device.is_cuda and few:
             own = ForceGather(model, m.points.constants, m.rows, m.columns, alone=True)
             self.pull = own if own.cluster else self.pull
