@@ -122,6 +122,8 @@ OWN = """
     const int points = x.shape[0], guest = GRID && owned + t < there ? at(0, owned + t) : -1;
     float4* const mail = (float4*)h.mail.data;                      // displacements of all points, twice; velocities
     if (!GRID) { CLUSTER_BEGINS } else { BLOCK_MEETS }
+    const int forces = mine ? force_begin[p] + lane : 0, forces_end = mine ? force_begin[p + 1] : 0;
+    const int pushes = mine && !GRID ? push_begin[p] + lane : 0, pushes_end = mine && !GRID ? push_begin[p + 1] : 0;
 """
 SUBSTEPS = """
     for (int sub = 0; ; ++sub) {
@@ -136,22 +138,26 @@ SUBSTEPS = """
         BLOCK_MEETS
         for (int i = t; i < curved; i += THREADS) {
             V3 sum = v3(0.f, 0.f, 0.f);
-            for (const float4 *a = value + SLOTS * i, *end = a + SLOTS; a < end; ++a)
-                sum = more(z[FLOAT_AS_INT(a->w)], v3(a->x, a->y, a->z), sum);
+            const float4* const a = value + SLOTS * i;
+            #pragma unroll
+            for (int k = 0; k < SLOTS; ++k) sum = more(z[FLOAT_AS_INT(a[k].w)], v3(a[k].x, a[k].y, a[k].z), sum);
             C[i] = make_float4(sum.x, sum.y, sum.z, 0.f);
         }
         BLOCK_MEETS
         for (int i = t; i < bent; i += THREADS) {
             float u = 0.f;
-            for (int k = moment_begin[i]; k < moment_begin[i + 1]; ++k) {
+            const int end = moment_begin[i + 1];
+            #pragma unroll 4
+            for (int k = moment_begin[i]; k < end; ++k) {
                 const float4 a = value[moment[k]], b = C[moment[k] / SLOTS];
-                u += a.x * b.x + a.y * b.y + a.z * b.z;
+                u += fmaf(a.x, b.x, fmaf(a.y, b.y, a.z * b.z));
             }
             scale[flat + i] = -fmaf(slope[i], u, kept[i]);
         }
         BLOCK_MEETS
         float f[3] = {0, 0, 0}, blow[3] = {0, 0, 0}, damp = 0.f;
-        for (int k = mine ? force_begin[p] + lane : 0; k < (mine ? force_begin[p + 1] : 0); k += LANES) {
+        #pragma unroll 4
+        for (int k = forces; k < forces_end; k += LANES) {
             const int word = force[k], element = word >> 2;
             const float part = scale[element], *const a = F + 12 * element + (word & 3);
             for (int j = 0; j < 3; ++j) f[j] = fmaf(part, a[4 * j], f[j]);
@@ -197,7 +203,7 @@ SUBSTEPS = """
             (GRID ? mail[points * from + g0] : D[S * from + p]) = D[S * from + p] = d1;
             if (RATES) (GRID ? mail[points * (2 + from) + g0] : Q[S * from + p]) = Q[S * from + p] = q1;
         }
-        for (int k = mine && !GRID ? push_begin[p] + lane : 0; k < (mine && !GRID ? push_begin[p + 1] : 0); k += LANES) {
+        for (int k = pushes; k < pushes_end; k += LANES) {
             const int block = push[k] >> 16, slot = push[k] & 0xffff;
             send(block, D + S * from + slot, d1, sub);
             if (RATES) send(block, Q + S * from + slot, q1, sub);
@@ -270,21 +276,18 @@ def sizes(plan, damped: bool, bounded: bool) -> str:
             f"    constexpr bool {', '.join(f'{k} = {int(v)}' for k, v in flags.items())};\n    {NUMBERS}\n")
 
 
-def code(plan, damped: bool, bounded: bool, words: dict[str, str] = WORDS) -> str:
-    """The body of the kernel. words: how a device does what C++ has no word for."""
+def code(plan, damped: bool, bounded: bool) -> str:
+    """The body of the kernel."""
     text = "".join((sizes(plan, damped, bounded), ROOM, FILL, ARITHMETIC, HINGE, TRIANGLE, OWN, SUBSTEPS))
-    for word, meant in words.items():
+    for word, meant in WORDS.items():
         text = re.sub(rf"\b{word}\b", lambda _, meant=meant: meant, text)
     return text
 
 
 @cache
 def frame(real, module, plan, damped: bool, bounded: bool = False):
-    """Kernel, launched over plan.size blocks of plan.threads: as kernels/motion/cluster.py has it, of sheets alone.
-
-    plan     `wsim.physics.fused.domains.Plan`
-    bounded  frames are watched
-    """
+    """Kernel, launched over plan.size blocks of plan.threads (`wsim.physics.fused.domains.Plan`): as kernels/motion/cluster.py
+    has it, of sheets alone. bounded: frames are watched."""
     vec3, Net, Sheets, Step = types(real).vec3, net(real), sheets(real), steps(real)
 
     @wp.func_native(BEFORE + code(plan, damped, bounded) + "#endif\n")
