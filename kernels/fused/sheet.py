@@ -61,7 +61,6 @@ FILL = """
     const int there = head[1], angles = head[3], flat = head[7], curved = head[11] / SLOTS, bent = head[13] - 1,
               owned = head[17] - 1;
     const float *const x3 = (const float*)x.data;
-    const int* const objects = c.object.data;
     float *const y3 = (float*)x_out.data, *const e3 = (float*)e.data, *const v3_ = (float*)v.data, *const r3 = (float*)r.data;
     for (int i = t; i < there; i += THREADS) {
         const int g = at(0, i);
@@ -75,19 +74,19 @@ FILL = """
         P[c] = make_float4(h.angle.data[g], sqrtf(k), DAMPED ? h.relax.data[g] : 0.f, k * h.own.data[g]);
         hinge_corner[c] = make_uint2(at(2, 2 * c), at(2, 2 * c + 1));
     }
-    for (int c = t; c < flat; c += THREADS) {
-        const int g = at(3, c);
+    for (int i = t; i < flat; i += THREADS) {
+        const int g = at(3, i);
         const float *const b = (const float*)h.rest.data + 4 * g, *const k = (const float*)h.stiffness.data + 4 * g;
-        B[c] = make_float4(b[0], b[1], b[2], b[3]);
-        K[c] = make_float4(k[0], k[1], k[2], k[3]);
-        if (DAMPED) tau[c] = h.tau.data[g];
-        corner[c] = make_uint2(at(4, 2 * c), at(4, 2 * c + 1));
-        scale[c] = 1.f;
+        B[i] = make_float4(b[0], b[1], b[2], b[3]);
+        K[i] = make_float4(k[0], k[1], k[2], k[3]);
+        if (DAMPED) tau[i] = h.tau.data[g];
+        corner[i] = make_uint2(at(4, 2 * i), at(4, 2 * i + 1));
+        scale[i] = 1.f;
         if (AIR) {
-            const int o = objects[at(0, at(4, 2 * c) & 0xffff)];
+            const int o = c.object.data[at(0, at(4, 2 * i) & 0xffff)];
             const float* const wind = (const float*)h.wind.data + 3 * o;
-            breeze[c] = make_float4(wind[0], wind[1], wind[2], h.drag.data[o]);
-            lift[c] = h.lift.data[o];
+            breeze[i] = make_float4(wind[0], wind[1], wind[2], h.drag.data[o]);
+            lift[i] = h.lift.data[o];
         }
     }
     for (int s = t; s < SLOTS * curved; s += THREADS) {
@@ -105,23 +104,23 @@ OWN = """
     const float w = mine ? c.w.data[g0] : 0.f, decay = mine ? c.decay.data[object] : 0.f;
     float room2 = BOUNDED && mine ? h.room.data[g0] : 1e30f;        // square of the clearance [m^2], -2 once it was not enough
     room2 = room2 > 0.f ? room2 * room2 : -1.f;
-    float gravity[3] = {0}, d0[3] = {0}, s[3] = {0}, v0[3] = {0}, goal[3] = {0}, q[3], r0[3], x0[3];
+    float gravity[3] = {0}, d0[3] = {0}, s[3] = {0}, v0[3] = {0}, goal[3] = {0}, q[3] = {0}, r0[3], x0[3];
     for (int k = 0; k < 3 && mine; ++k) {
         gravity[k] = ((const float*)c.gravity.data)[3 * object + k];
         d0[k] = e3[3 * g0 + k];
-        v0[k] = w > 0.f ? v3_[3 * g0 + k] : 0.f;
+        v0[k] = q[k] = w > 0.f ? v3_[3 * g0 + k] : 0.f;
         r0[k] = r3[3 * g0 + k];
         x0[k] = x3[3 * g0 + k];
     }
-    for (int k = 0; k < 3; ++k) q[k] = v0[k];
     const bool moves = mine && column >= 0 && !(w > 0.f) && step.drift > 0.f;
     const float* goals = (const float*)c.target.data + 3 * (step.row * c.target.shape[1] + column);
     for (int k = 0; k < 3 && moves; ++k) goal[k] = goals[k];
-    float kick = step.kick;
-    int from = 0;
+    float kick = step.kick;  int from = 0;
     const int points = x.shape[0], guest = GRID && owned + t < there ? at(0, owned + t) : -1;
     float4* const mail = (float4*)h.mail.data;                      // displacements of all points, twice; velocities
     if (!GRID) { CLUSTER_BEGINS } else { BLOCK_MEETS }
+    const int forces = mine ? force_begin[p] + lane : 0, forces_end = mine ? force_begin[p + 1] : 0;
+    const int pushes = mine && !GRID ? push_begin[p] + lane : 0, pushes_end = mine && !GRID ? push_begin[p + 1] : 0;
 """
 SUBSTEPS = """
     for (int sub = 0; ; ++sub) {
@@ -136,22 +135,26 @@ SUBSTEPS = """
         BLOCK_MEETS
         for (int i = t; i < curved; i += THREADS) {
             V3 sum = v3(0.f, 0.f, 0.f);
-            for (const float4 *a = value + SLOTS * i, *end = a + SLOTS; a < end; ++a)
-                sum = more(z[FLOAT_AS_INT(a->w)], v3(a->x, a->y, a->z), sum);
+            const float4* const a = value + SLOTS * i;
+            #pragma unroll
+            for (int k = 0; k < SLOTS; ++k) sum = more(z[FLOAT_AS_INT(a[k].w)], v3(a[k].x, a[k].y, a[k].z), sum);
             C[i] = make_float4(sum.x, sum.y, sum.z, 0.f);
         }
         BLOCK_MEETS
         for (int i = t; i < bent; i += THREADS) {
             float u = 0.f;
-            for (int k = moment_begin[i]; k < moment_begin[i + 1]; ++k) {
+            const int end = moment_begin[i + 1];
+            #pragma unroll 4
+            for (int k = moment_begin[i]; k < end; ++k) {
                 const float4 a = value[moment[k]], b = C[moment[k] / SLOTS];
-                u += a.x * b.x + a.y * b.y + a.z * b.z;
+                u += fmaf(a.x, b.x, fmaf(a.y, b.y, a.z * b.z));
             }
             scale[flat + i] = -fmaf(slope[i], u, kept[i]);
         }
         BLOCK_MEETS
         float f[3] = {0, 0, 0}, blow[3] = {0, 0, 0}, damp = 0.f;
-        for (int k = mine ? force_begin[p] + lane : 0; k < (mine ? force_begin[p + 1] : 0); k += LANES) {
+        #pragma unroll 4
+        for (int k = forces; k < forces_end; k += LANES) {
             const int word = force[k], element = word >> 2;
             const float part = scale[element], *const a = F + 12 * element + (word & 3);
             for (int j = 0; j < 3; ++j) f[j] = fmaf(part, a[4 * j], f[j]);
@@ -197,7 +200,7 @@ SUBSTEPS = """
             (GRID ? mail[points * from + g0] : D[S * from + p]) = D[S * from + p] = d1;
             if (RATES) (GRID ? mail[points * (2 + from) + g0] : Q[S * from + p]) = Q[S * from + p] = q1;
         }
-        for (int k = mine && !GRID ? push_begin[p] + lane : 0; k < (mine && !GRID ? push_begin[p + 1] : 0); k += LANES) {
+        for (int k = pushes; k < pushes_end; k += LANES) {
             const int block = push[k] >> 16, slot = push[k] & 0xffff;
             send(block, D + S * from + slot, d1, sub);
             if (RATES) send(block, Q + S * from + slot, q1, sub);
@@ -270,21 +273,18 @@ def sizes(plan, damped: bool, bounded: bool) -> str:
             f"    constexpr bool {', '.join(f'{k} = {int(v)}' for k, v in flags.items())};\n    {NUMBERS}\n")
 
 
-def code(plan, damped: bool, bounded: bool, words: dict[str, str] = WORDS) -> str:
-    """The body of the kernel. words: how a device does what C++ has no word for."""
+def code(plan, damped: bool, bounded: bool) -> str:
+    """The body of the kernel."""
     text = "".join((sizes(plan, damped, bounded), ROOM, FILL, ARITHMETIC, HINGE, TRIANGLE, OWN, SUBSTEPS))
-    for word, meant in words.items():
+    for word, meant in WORDS.items():
         text = re.sub(rf"\b{word}\b", lambda _, meant=meant: meant, text)
     return text
 
 
 @cache
 def frame(real, module, plan, damped: bool, bounded: bool = False):
-    """Kernel, launched over plan.size blocks of plan.threads: as kernels/motion/cluster.py has it, of sheets alone.
-
-    plan     `wsim.physics.fused.domains.Plan`
-    bounded  frames are watched
-    """
+    """Kernel, launched over plan.size blocks of plan.threads (`wsim.physics.fused.domains.Plan`): as kernels/motion/cluster.py
+    has it, of sheets alone. bounded: frames are watched."""
     vec3, Net, Sheets, Step = types(real).vec3, net(real), sheets(real), steps(real)
 
     @wp.func_native(BEFORE + code(plan, damped, bounded) + "#endif\n")
