@@ -12,7 +12,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.contact import Colliders, Touch, touching
-from wsim.kernels.rods.element import transport, turned, upright
+from wsim.kernels.rods.element import transport, turned, twist, upright
 from wsim.kernels.rods.system import backward, forward, memory, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
@@ -35,13 +35,14 @@ def begin(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, k: 
     for i in range(n - 1):
         T.phi[i, k] = Q.phi[i, k]
         t = wp.normalize(T.x[i + 1, k] - T.x[i, k])
+        old = wp.normalize(Q.x[i + 1, k] - Q.x[i, k])
         if S.clamped[i, k] == 1:
             row = S.hold[i, k]
-            T.turn[i, k] = wp.float64(0.0)
-            T.d[i, k] = upright(t, wp.transform_vector(H.frame[at, H.pin[row]], H.director[row]))
+            d = upright(t, wp.transform_vector(H.frame[at, H.pin[row]], H.director[row]))
+            T.d[i, k] = d
+            T.turn[i, k] = twist(old, t, Q.d[i, k], d, wp.float64(0.0))
         else:
             angle = Q.w[i, k][0] * h
-            old = wp.normalize(Q.x[i + 1, k] - Q.x[i, k])
             T.d[i, k] = turned(t, upright(t, transport(old, t, Q.d[i, k])), angle)
             T.turn[i, k] = angle
 
