@@ -48,14 +48,26 @@ class Follow(Method):
         self.kernel, b.model.modules[MODULE] = carrying(MODULE), THREADS
         self.stages.append(Stage("follow", "deform", self.carry, 1, row * 2 * GUIDES * 150, "frame",
                                  f"{row} points of hairs that follow guides"))
-        self.carry()
-        self.bound.rest.assign(np.concatenate(start) - self.x.numpy())
-        self.carry()
+        self.start, self.begun = np.concatenate(start), False
 
-    def carry(self, clock: Clock | None = None) -> None:
-        wp.launch(self.kernel, len(self.x), [self.rods.strands, self.rods.moving(), self.bound], [self.x, self.v],
+    def carry(self, clock: Clock) -> None:
+        self._launch(self.rods.moving())
+
+    def _launch(self, motion) -> None:
+        wp.launch(self.kernel, len(self.x), [self.rods.strands, motion, self.bound], [self.x, self.v],
                   device=self.model.device, block_dim=THREADS)
 
+    def before_frame(self, time: float, clock: Clock | None) -> None:
+        """Once: what rounding takes from points at the start, where they are those that were authored."""
+        if self.begun:
+            return
+        self.begun, motion, table = True, self.rods.moving(), self.rods.table
+        motion.x, motion.d = (wp.array(values, dtype=wp.vec3d, device=self.model.device) for values in (table.x, table.d))
+        self._launch(motion)
+        self.bound.rest.assign(self.start - self.x.numpy())
+        self._launch(self.rods.moving())
+
     def samples(self, world: int = 0) -> list[Sample]:
+        self.before_frame(0.0, None)
         x, v = self.x.numpy(), self.v.numpy()
         return [Points(path, x[rows], v[rows]) for path, of, rows in self.rows if of == world]
