@@ -188,22 +188,20 @@ def eliminating(pressed: bool):
     return eliminate
 
 
-@cache
-def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
-    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. airy: there
-    is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
-    left for more right-hand sides."""
-    meets, touch = bool(kinds), touching(kinds).touch if kinds else None
-    eliminate = eliminating(pressed)
+@wp.func
+def add(D: wp.mat44d, K: wp.mat33d):
+    """A block with a stiffness of a point added."""
+    m = int(3)
+    for a in range(m):
+        for b in range(m):
+            D[a, b] = D[a, b] + K[a, b]
+    return D
 
-    @wp.func
-    def add(D: wp.mat44d, K: wp.mat33d):
-        """A block with a stiffness of a point added."""
-        m = int(3)
-        for a in range(m):
-            for b in range(m):
-                D[a, b] = D[a, b] + K[a, b]
-        return D
+
+@cache
+def pointing(kinds: tuple[str, ...], airy: bool, pressed: bool):
+    """Function (S, C, Q, T, p, i, k) -> diagonal block and right-hand side of a point: all but what edges and bends give."""
+    meets, touch = bool(kinds), touching(kinds).touch if kinds else None
 
     @wp.func
     def point(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, i: int, k: int):
@@ -225,6 +223,16 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
                 r = r + split(T.press[i, k], wp.float64(0.0))
                 D = add(D, T.stiff[i, k])
         return D, r
+
+    return point
+
+
+@cache
+def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
+    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. airy: there
+    is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
+    left for more right-hand sides."""
+    eliminate, point = eliminating(pressed), pointing(kinds, airy, pressed)
 
     @wp.func
     def forward(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
