@@ -94,9 +94,9 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
             t = e / wp.max(length, TINY)
             A.edge[i, k] = wp.vec4d(t[0], t[1], t[2], length)
             if wp.static(airy):
-                f, K = blow(S, Q, T, p, i, k)
-                A.gust[i, k] = f
-                A.damp[i, k] = K
+                gust, damp = blow(S, Q, T, p, i, k)
+                A.gust[i, k] = gust
+                A.damp[i, k] = damp
             if i > 0:
                 if S.clamped[i - 1, k] + S.clamped[i, k] < 2:
                     e0 = T.x[i, k] - T.x[i - 1, k]
