@@ -1,5 +1,5 @@
-"""Substeps of strands on a GPU, a launch for each part of an iteration: strains, contacts and moves by a thread a point, what is
-eliminated from point to point by a thread a strand (kernels/rods/system.py, march.py: the same steps, all in one launch).
+"""Substeps of strands on a GPU, a launch for each part of an iteration: strains, contacts and moves by a thread a point, the
+elimination from point to point by a thread a strand (kernels/rods/march.py takes the same steps in one launch).
 
 A strand's points come one after another in the elimination alone, of which a thread waits for each result; all else of a point
 took nine tenths of its time. A strand that has ended waits for the others, which go on.
@@ -15,19 +15,9 @@ import warp as wp
 from wsim.kernels.rods.air import blow
 from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.element import transport, turned, upright
+from wsim.kernels.rods.eliminate import Window, backward, eliminating
 from wsim.kernels.rods.march import CALM, LEAST, MOST, TOLERANCE, begin_point, finish_point
-from wsim.kernels.rods.system import (
-    TINY,
-    Bend,
-    Window,
-    backward,
-    eliminating,
-    flex,
-    pointing,
-    push,
-    strains,
-    stretch,
-)
+from wsim.kernels.rods.system import TINY, Bend, flex, pointing, push, strains, stretch
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 GOING = 0                        # the word that says whether a strand goes on

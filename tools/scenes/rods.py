@@ -48,15 +48,15 @@ def shaken_head() -> str:
         "color3f[] primvars:displayColor = [(0.22, 0.11, 0.05)]"])
     follow = "\n".join([
         'uniform token type = "linear"', f"int[] curveVertexCounts = {listed(np.full(*FOLLOWERS))}",
-        f"point3f[] points = {listed(hairs.reshape(-1, 3).round(4))}", "float[] widths = [0.001] (interpolation = \"constant\")",
-        "rel wsim:guides = </World/Hair>", "color3f[] primvars:displayColor = [(0.27, 0.14, 0.06)]"])
+        f"point3f[] points = {listed(hairs.reshape(-1, 3).round(4))}",
+        "float[] widths = [0.001] (interpolation = \"constant\")", "rel wsim:guides = </World/Hair>", "color3f[] primvars:displayColor = [(0.27, 0.14, 0.06)]"])
     return scene("Hair on a head that is shaken.", [
         settings(), material, block("Xform", "Head", head, comment="It turns to and fro, three times in two seconds."),
         block("BasisCurves", "Hair", curves,
               '["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "MaterialBindingAPI"]',
               "A curve a strand, in the shape in which it is without strain."),
-        block("BasisCurves", "Follow", follow, '["WsimRodsAPI"]', "Not simulated: each goes along with the three whose roots are "
-              "nearest."),
+        block("BasisCurves", "Follow", follow, '["WsimRodsAPI"]', "Not simulated: each goes along with the three whose roots "
+              "are nearest."),
         pin("Roots", "/World/Hair", np.sort(np.concatenate([edge, edge + 1])), "/World/Head",
             "The first two points of every strand go with the head: it is clamped there, and its twist too."),
     ], frames=96)

@@ -24,7 +24,8 @@ def combed(gravity=(0.0, 0.0, 0.0), worlds=1, curl=0.3, **more):
     rods = made.add(Rods("/guides", (roots[:, None] + curve).reshape(-1, 3), [POINTS] * 3, 2e-3, 1e7, **more))
     rng = np.random.default_rng(3)
     counts = [5, 12, 1, 9]
-    hairs = [np.array([0.03, 0.04, 0.0]) * rng.uniform(0.5, 1.2, 3) + np.outer(np.arange(n), [0.003, 0.001, -0.018]) for n in counts]
+    hairs = [np.array([0.03, 0.04, 0.0]) * rng.uniform(0.5, 1.2, 3) + np.outer(np.arange(n), [0.003, 0.001, -0.018])
+             for n in counts]
     followers = made.add(Followers("/hair", np.concatenate(hairs), counts, "/guides"))
     return made, rods, followers
 

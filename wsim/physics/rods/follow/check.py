@@ -9,6 +9,8 @@ from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import error
 from wsim.scene.methods import named
 
+MEND = "name simulated curves by wsim:guides"
+
 
 def check(followers: Followers, scene: Scene) -> Iterator[Problem]:
     path, n = followers.path, len(followers.points)
@@ -26,14 +28,14 @@ def _guides(followers: Followers, scene: Scene) -> Iterator[Problem]:
     found, rods = named(scene, guides), [rods.path for rods in scene.things("Rods")]
     there = f"rods, which are {', '.join(rods) or 'none here'}"
     if found is None:
-        yield error(path, f"follows {guides or 'nothing'}, which is not simulated", there, "name simulated curves by wsim:guides")
+        yield error(path, f"follows {guides or 'nothing'}, which is not simulated", there, MEND)
     elif isinstance(found, Followers):
         way = [path, guides]
         while isinstance(found, Followers) and found.guides not in way:
             way.append(found.guides)
             found = named(scene, found.guides)
         circle = isinstance(found, Followers)
-        yield error(path, f"follows {guides}, which follows {'in a circle' if circle else 'others itself'} ({' to '.join(way)})",
-                    there, "name simulated curves by wsim:guides")
+        yield error(path, f"follows {guides}, which follows {'in a circle' if circle else 'others itself'} "
+                    f"({' to '.join(way)})", there, MEND)
     elif guides not in rods:
-        yield error(path, f"follows {guides}, a {type(found).__name__}", there, "name simulated curves by wsim:guides")
+        yield error(path, f"follows {guides}, a {type(found).__name__}", there, MEND)

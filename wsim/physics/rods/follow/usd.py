@@ -18,8 +18,8 @@ def load(reading: Reading, prim: Usd.Prim) -> Followers | None:
     targets = [str(target) for target in relationship.GetForwardedTargets()] if relationship else []
     if simulated or not targets:
         if targets:
-            reading.fail(path, f"is simulated ({names.CURVES_SIM}) and follows {', '.join(targets)} ({names.GUIDES}); allowed is "
-                         "one of the two: remove the API, or the relationship")
+            reading.fail(path, f"is simulated ({names.CURVES_SIM}) and follows {', '.join(targets)} ({names.GUIDES}); allowed "
+                         "is one of the two: remove the API, or the relationship")
         elif not simulated:
             reading.warn(path, f"has {names.WSIM_RODS}, neither {names.CURVES_SIM} nor {names.GUIDES}, and does nothing")
         return None
