@@ -49,7 +49,8 @@ def shaken_head() -> str:
     follow = "\n".join([
         'uniform token type = "linear"', f"int[] curveVertexCounts = {listed(np.full(*FOLLOWERS))}",
         f"point3f[] points = {listed(hairs.reshape(-1, 3).round(4))}",
-        "float[] widths = [0.001] (interpolation = \"constant\")", "rel wsim:guides = </World/Hair>", "color3f[] primvars:displayColor = [(0.27, 0.14, 0.06)]"])
+        "float[] widths = [0.001] (interpolation = \"constant\")", "rel wsim:guides = </World/Hair>",
+        "color3f[] primvars:displayColor = [(0.27, 0.14, 0.06)]"])
     return scene("Hair on a head that is shaken.", [
         settings(), material, block("Xform", "Head", head, comment="It turns to and fro, three times in two seconds."),
         block("BasisCurves", "Hair", curves,
