@@ -7,8 +7,9 @@ bristles (Cundall, Strack 1979).
 
 In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips. The N of friction is that
 of the substep before, at most twice the present one (a point that is let go would keep it, and come back), or where there was
-none at most what stops the point and bears its weight, twice: one that an iteration leaves too deep would be thrown aside. Friction is with the collider that a point is deepest in. Colliders go straight from
-where they are at the start of a substep to where they are at its end.
+none at most what stops the point and bears its weight, twice: one that an iteration leaves too deep would be thrown aside.
+Friction is with the collider that a point is deepest in. Colliders go straight from where they are at the start of a substep to
+where they are at its end.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -24,8 +25,8 @@ from wsim.kernels.contact.shape import distance
 from wsim.kernels.rods.tables import Motion, Strands, Trial
 
 STIFF = wp.constant(wp.float64(30.0))        # a point at rest sinks by g h^2 / STIFF; much more, and iterations gain less
-# part of the stretching stiffness: a rope strained by s round a radius R sinks by s L^2 / (FIRM R), edges of L. As stiff as edges,
-# and iterations let points in and out by turns: of 40 hairs on a shaken ball 26 were left unsolved in a frame, and none so
+# part of the stretching stiffness: a rope strained by s round a radius R sinks by s L^2 / (FIRM R), edges of L. As stiff as
+# edges, and iterations let points in and out by turns: of 40 hairs on a shaken ball 26 were left unsolved in a frame; so, none
 FIRM = wp.constant(wp.float64(0.03))
 SOFT = wp.constant(wp.float64(0.05))         # of a radius, at which a strand floats; less, and grazing points never settle
 FAR = wp.constant(wp.float64(1e9))           # [m] farther than anything
