@@ -16,8 +16,6 @@ from wsim.model.structs import filled
 if TYPE_CHECKING:
     from wsim.physics.rods.method import Strands
 
-POINTS, STRANDS = 128, 32        # threads of a block: points are many; strands are few, and fill all processors so
-
 
 class Apart:
     def __init__(self, strands: Strands, module: str, device):
@@ -37,7 +35,7 @@ class Apart:
     def each(self, kernel, inputs: list, outputs: list, points: bool = True) -> None:
         table = self.strands.table
         wp.launch(kernel, table.strands * (table.longest if points else 1), inputs, outputs, device=self.device,
-                  block_dim=POINTS if points else STRANDS)
+                  block_dim=self.strands.threads)
 
     def advance(self, clock: Clock) -> None:
         s, h = self.strands, clock.dt / self.strands.substeps
