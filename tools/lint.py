@@ -31,7 +31,7 @@ METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.l
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
 USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving", "physics.rigid.joints.filters.usd",
        "physics.rigid.joints.instances.usd", "physics.fluid.usd", "physics.fluid.liquid.usd", "physics.animation.usd",
-       "physics.animation.write", "physics.rods.usd")                                                             # of methods
+       "physics.animation.write", "physics.rods.usd", "physics.rods.follow.usd")                       # of methods
 WITHOUT_WARP = ("geometry", "scene", "usd", *USD, "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.image.png", "show.smoke.read", "show.prim", "show.shading",
                 "show.visible", "cli.arguments", "cli.inventory", "cli.progress")

@@ -12,7 +12,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.coupled import TURNING, Coupled
-from wsim.kernels.rods.system import backward
+from wsim.kernels.rods.eliminate import backward
 from wsim.kernels.rods.tables import Strands, Trial
 from wsim.kernels.rods.touch import Pressed
 

@@ -17,8 +17,9 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.contact import Colliders
+from wsim.kernels.rods.eliminate import backward
 from wsim.kernels.rods.march import TOLERANCE, begin
-from wsim.kernels.rods.system import backward, forward, take
+from wsim.kernels.rods.system import forward, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 MOST = wp.constant(150)                  # iterations of Newton: friction that turns round settles by a fifth in each

@@ -12,8 +12,9 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.contact import Colliders, Touch, touching
-from wsim.kernels.rods.element import transport, turned, upright
-from wsim.kernels.rods.system import backward, forward, memory, take
+from wsim.kernels.rods.element import transport, turned, twist, upright
+from wsim.kernels.rods.eliminate import backward
+from wsim.kernels.rods.system import forward, memory, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 TOLERANCE = wp.constant(wp.float64(1e-6))    # last correction over the shortest edge; 1e-8 took twice the time
@@ -23,27 +24,40 @@ LEAST = wp.constant(wp.float64(0.125))
 
 
 @wp.func
-def begin(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, k: int):
-    """A first guess: free points go on as they did, held ones go where they are held."""
-    n = S.points[k]
-    for i in range(n):
-        row = S.hold[i, k]
-        if row < 0:
-            T.x[i, k] = Q.x[i, k] + Q.v[i, k] * h
-        else:
-            T.x[i, k] = wp.transform_point(H.frame[at, H.pin[row]], H.place[row]) - S.origin[k]
-    for i in range(n - 1):
+def guess(S: Strands, H: Holds, Q: Motion, h: wp.float64, at: int, i: int, k: int):
+    """First guess of a place: free points go on as they did, held ones go where they are held."""
+    row = S.hold[i, k]
+    x = Q.x[i, k] + Q.v[i, k] * h
+    if row >= 0:
+        x = wp.transform_point(H.frame[at, H.pin[row]], H.place[row]) - S.origin[k]
+    return x
+
+
+@wp.func
+def begin_point(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, i: int, k: int):
+    """A first guess of a point, and of the edge behind it."""
+    x = guess(S, H, Q, h, at, i, k)
+    T.x[i, k] = x
+    if i + 1 < S.points[k]:
         T.phi[i, k] = Q.phi[i, k]
-        t = wp.normalize(T.x[i + 1, k] - T.x[i, k])
+        t = wp.normalize(guess(S, H, Q, h, at, i + 1, k) - x)
+        old = wp.normalize(Q.x[i + 1, k] - Q.x[i, k])
         if S.clamped[i, k] == 1:
             row = S.hold[i, k]
-            T.turn[i, k] = wp.float64(0.0)
-            T.d[i, k] = upright(t, wp.transform_vector(H.frame[at, H.pin[row]], H.director[row]))
+            d = upright(t, wp.transform_vector(H.frame[at, H.pin[row]], H.director[row]))
+            T.d[i, k] = d
+            T.turn[i, k] = twist(old, t, Q.d[i, k], d, wp.float64(0.0))
         else:
             angle = Q.w[i, k][0] * h
-            old = wp.normalize(Q.x[i + 1, k] - Q.x[i, k])
             T.d[i, k] = turned(t, upright(t, transport(old, t, Q.d[i, k])), angle)
             T.turn[i, k] = angle
+
+
+@wp.func
+def begin(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, k: int):
+    """A first guess of a strand."""
+    for i in range(S.points[k]):
+        begin_point(S, H, Q, T, h, at, i, k)
 
 
 @wp.func
@@ -53,35 +67,50 @@ def spun(w: wp.vec3d, turn: wp.float64, b: wp.float64, h: wp.float64):
 
 
 @cache
-def finish(kinds: tuple[str, ...]):
-    """Function (S, C, Q, T, p, k) -> how deep it is in a collider [m]: velocities, and what the next substep remembers."""
+def finish_point(kinds: tuple[str, ...]):
+    """Function (S, C, Q, T, p, i, k) -> how deep a point is in a collider [m]: its velocity, and what the next substep
+    remembers."""
     meets, touch = bool(kinds), touching(kinds).touch if kinds else None
+
+    @wp.func
+    def finish(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, i: int, k: int):
+        deep = wp.float64(0.0)
+        d = T.x[i, k] - Q.x[i, k]
+        b = memory(Q, i, k)
+        v = (d * (wp.float64(1.0) + b) - Q.s[i, k] * b) / p.h
+        Q.w[i, k] = spun(Q.w[i, k], T.turn[i, k], b, p.h)
+        begun = int(1)
+        if wp.static(meets):
+            t = Touch()
+            if S.hold[i, k] < 0:
+                t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
+            Q.stick[i, k] = t.s
+            Q.load[i, k] = t.N
+            if t.N > wp.float64(0.0):
+                begun = int(0)
+                deep = wp.max(deep, t.deep)
+        Q.s[i, k] = d
+        Q.u[i, k] = Q.v[i, k]
+        Q.begun[i, k] = begun
+        Q.v[i, k] = v
+        Q.x[i, k] = T.x[i, k]
+        Q.d[i, k] = T.d[i, k]
+        Q.phi[i, k] = T.phi[i, k]
+        return deep
+
+    return finish
+
+
+@cache
+def finish(kinds: tuple[str, ...]):
+    """Function (S, C, Q, T, p, k) -> how deep a strand is in a collider [m]: `finish_point` of all its points."""
+    end = finish_point(kinds)
 
     @wp.func
     def finish(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
         deep = wp.float64(0.0)
         for i in range(S.points[k]):
-            d = T.x[i, k] - Q.x[i, k]
-            b = memory(Q, i, k)
-            v = (d * (wp.float64(1.0) + b) - Q.s[i, k] * b) / p.h
-            Q.w[i, k] = spun(Q.w[i, k], T.turn[i, k], b, p.h)
-            begun = int(1)
-            if wp.static(meets):
-                t = Touch()
-                if S.hold[i, k] < 0:
-                    t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
-                Q.stick[i, k] = t.s
-                Q.load[i, k] = t.N
-                if t.N > wp.float64(0.0):
-                    begun = int(0)
-                    deep = wp.max(deep, t.deep)
-            Q.s[i, k] = d
-            Q.u[i, k] = Q.v[i, k]
-            Q.begun[i, k] = begun
-            Q.v[i, k] = v
-            Q.x[i, k] = T.x[i, k]
-            Q.d[i, k] = T.d[i, k]
-            Q.phi[i, k] = T.phi[i, k]
+            deep = wp.max(deep, end(S, C, Q, T, p, i, k))
         return deep
 
     return finish

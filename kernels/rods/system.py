@@ -20,26 +20,12 @@ import warp as wp
 from wsim.kernels.rods.air import blow, velocity
 from wsim.kernels.rods.contact import Colliders, touching
 from wsim.kernels.rods.element import bend, transport, turned, upright
+from wsim.kernels.rods.eliminate import Window, eliminating
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
 
 TINY = wp.constant(wp.float64(1e-30))
 _bend = bend()
 Bend, strains = _bend.Bend, _bend.strains
-
-
-@wp.struct
-class Window:
-    """Blocks of three points in a row: diagonal, between the first and the second or third, second and third; right sides."""
-
-    D0: wp.mat44d
-    D1: wp.mat44d
-    D2: wp.mat44d
-    P: wp.mat44d
-    N: wp.mat44d
-    F: wp.mat44d
-    r0: wp.vec4d
-    r1: wp.vec4d
-    r2: wp.vec4d
 
 
 @wp.func
@@ -150,60 +136,19 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
 
 
 @wp.func
-def even(D: wp.mat44d):
-    """The symmetric part of a block. Rounding makes others of blocks, which grow from point to point: of strands of 200 points
-    nothing was left of the forces' digits."""
-    return (D + wp.transpose(D)) * wp.float64(0.5)
+def add(D: wp.mat44d, K: wp.mat33d):
+    """A block with a stiffness of a point added."""
+    m = int(3)
+    for a in range(m):
+        for b in range(m):
+            D[a, b] = D[a, b] + K[a, b]
+    return D
 
 
 @cache
-def eliminating(pressed: bool):
-    """Function (T, w, i, k): the window moved on by a point, whose factors are stored."""
-    @wp.func
-    def eliminate(T: Trial, w: Window, i: int, k: int):
-        L1 = wp.mat44d()
-        L2 = wp.mat44d()
-        y = wp.vec4d()
-        if i >= 0:
-            D = even(wp.inverse(even(w.D0)))
-            L1 = D * w.P
-            L2 = D * w.F
-            y = D * w.r0
-            T.near[i, k] = L1
-            T.far[i, k] = L2
-            T.z[i, k] = y
-            if wp.static(pressed):
-                T.pivot[i, k] = D
-                T.b[i, k] = w.r0
-        Pt = wp.transpose(w.P)
-        Ft = wp.transpose(w.F)
-        new = Window()
-        new.D0 = w.D1 - Pt * L1
-        new.P = w.N - Pt * L2
-        new.D1 = w.D2 - Ft * L2
-        new.r0 = w.r1 - Pt * y
-        new.r1 = w.r2 - Ft * y
-        return new
-
-    return eliminate
-
-
-@cache
-def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
-    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. airy: there
-    is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
-    left for more right-hand sides."""
+def pointing(kinds: tuple[str, ...], airy: bool, pressed: bool):
+    """Function (S, C, Q, T, p, i, k) -> diagonal block and right-hand side of a point: all but what edges and bends give."""
     meets, touch = bool(kinds), touching(kinds).touch if kinds else None
-    eliminate = eliminating(pressed)
-
-    @wp.func
-    def add(D: wp.mat44d, K: wp.mat33d):
-        """A block with a stiffness of a point added."""
-        m = int(3)
-        for a in range(m):
-            for b in range(m):
-                D[a, b] = D[a, b] + K[a, b]
-        return D
 
     @wp.func
     def point(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, i: int, k: int):
@@ -225,6 +170,16 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
                 r = r + split(T.press[i, k], wp.float64(0.0))
                 D = add(D, T.stiff[i, k])
         return D, r
+
+    return point
+
+
+@cache
+def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
+    """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. airy: there
+    is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
+    left for more right-hand sides."""
+    eliminate, point = eliminating(pressed), pointing(kinds, airy, pressed)
 
     @wp.func
     def forward(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
@@ -258,23 +213,6 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
             w = eliminate(T, w, i, k)
 
     return forward
-
-
-@wp.func
-def backward(S: Strands, T: Trial, k: int):
-    """Solves, from the last point to the first; the greatest correction of a point [m]."""
-    z1 = wp.vec4d()
-    z2 = wp.vec4d()
-    most = wp.float64(0.0)
-    n = S.points[k]
-    for j in range(n):
-        i = n - 1 - j
-        z = T.z[i, k] - T.near[i, k] * z1 - T.far[i, k] * z2
-        T.z[i, k] = z
-        most = wp.max(most, wp.length(wp.vec3d(z[0], z[1], z[2])))
-        z2 = z1
-        z1 = z
-    return most
 
 
 @wp.func

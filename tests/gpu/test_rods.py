@@ -46,6 +46,18 @@ def test_a_hair_in_the_wind_goes_where_it_does_on_a_cpu():
     assert all(np.array_equal(a, b) for a, b in zip(one, blown("cuda:0"), strict=True))
 
 
+def test_hairs_that_follow_go_where_they_do_on_a_cpu():
+    from tests.physics.rods.test_follow import carried, combed
+
+    def places(device: str) -> np.ndarray:
+        simulation = Simulation(combed(gravity=(0.0, -9.81, 0.0), curl=0.0)[0], device=device)
+        simulation.run(6)
+        return carried(simulation).positions
+    one, other = places("cuda:0"), places("cpu")
+    assert np.abs(one - other).max() < 1e-6
+    assert np.array_equal(one, places("cuda:0"))
+
+
 def test_ropes_that_are_thrown_at_each_other_go_as_on_a_cpu():
     """Held by their ends, at 10 m/s; the same bits from run to run, and never passed."""
     from tests.physics.rods.test_touch import linked, thrown

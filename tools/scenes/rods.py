@@ -5,7 +5,8 @@ import numpy as np
 from tools.scenes.soft import eased, samples
 from tools.usda import block, listed, number, pin, said, scene, settings, solid
 
-STRANDS, POINTS, RADIUS, LENGTH = 140, 18, 0.1, 0.24
+STRANDS, POINTS, FOLLOWERS = 100, 18, (260, 9)
+HEAD, RADIUS, LENGTH = np.array([0.0, 0.3, 0.0]), 0.1, 0.24
 
 
 def golden(n: int, least: float) -> np.ndarray:
@@ -17,13 +18,17 @@ def golden(n: int, least: float) -> np.ndarray:
     return np.stack([out * np.cos(turn), y, out * np.sin(turn)], axis=1)
 
 
-def shaken_head() -> str:
-    up = np.array([0.0, 0.3, 0.0])
-    n = golden(STRANDS, 0.05)
-    s = np.linspace(0.0, 1.0, POINTS)[None, :, None]
+def combed(strands: int, points: int) -> np.ndarray:
+    """Hairs on a head, combed down and out, (strands, points, 3) [m]."""
+    n = golden(strands, 0.05)
+    s = np.linspace(0.0, 1.0, points)[None, :, None]
     out = n * (1.0, 0.0, 1.0) / np.linalg.norm(n * (1.0, 0.0, 1.0), axis=1, keepdims=True)
-    down = (out * 0.25 - (0.0, 1.0, 0.0))[:, None]                     # combed down and out: their shape at rest
-    points = up + n[:, None] * (RADIUS - 0.004 + 0.5 * LENGTH * s * (2.0 - s)) + 0.5 * LENGTH * s**2 * down
+    down = (out * 0.25 - (0.0, 1.0, 0.0))[:, None]
+    return HEAD + n[:, None] * (RADIUS - 0.004 + 0.5 * LENGTH * s * (2.0 - s)) + 0.5 * LENGTH * s**2 * down
+
+
+def shaken_head() -> str:
+    points, hairs = combed(STRANDS, POINTS), combed(*FOLLOWERS)
     edge = np.arange(STRANDS) * POINTS
     keys = [(f, 55.0 * np.sin(2.0 * np.pi * (f - 12) / 16.0) * min((f - 12) / 8.0, (76 - f) / 8.0, 1.0))
             for f in range(12, 77, 2)]
@@ -41,11 +46,18 @@ def shaken_head() -> str:
         f"point3f[] points = {listed(points.reshape(-1, 3))}", "float[] widths = [0.0015] (interpolation = \"constant\")",
         "float[] physics:thicknesses = [0.0015]    # m", "rel material:binding:physics = </World/hair>",
         "color3f[] primvars:displayColor = [(0.22, 0.11, 0.05)]"])
+    follow = "\n".join([
+        'uniform token type = "linear"', f"int[] curveVertexCounts = {listed(np.full(*FOLLOWERS))}",
+        f"point3f[] points = {listed(hairs.reshape(-1, 3).round(4))}",
+        "float[] widths = [0.001] (interpolation = \"constant\")", "rel wsim:guides = </World/Hair>",
+        "color3f[] primvars:displayColor = [(0.27, 0.14, 0.06)]"])
     return scene("Hair on a head that is shaken.", [
         settings(), material, block("Xform", "Head", head, comment="It turns to and fro, three times in two seconds."),
         block("BasisCurves", "Hair", curves,
               '["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "MaterialBindingAPI"]',
               "A curve a strand, in the shape in which it is without strain."),
+        block("BasisCurves", "Follow", follow, '["WsimRodsAPI"]', "Not simulated: each goes along with the three whose roots "
+              "are nearest."),
         pin("Roots", "/World/Hair", np.sort(np.concatenate([edge, edge + 1])), "/World/Head",
             "The first two points of every strand go with the head: it is clamped there, and its twist too."),
     ], frames=96)

@@ -63,6 +63,8 @@ METHODS: list[Row] = [
     Row("liquid", "wsim.physics.fluid.liquid", owns=("Liquid", "LiquidSource"), unseen=("LiquidSource",),
         claims=("WsimLiquidDomainAPI", "WsimLiquidSourceAPI"), without="there is no liquid"),
     Row("rods", "wsim.physics.rods", owns=("Rods",), without="there is no rod"),
+    Row("follow", "wsim.physics.rods.follow", owns=("Followers",), posed=True, claims=("WsimRodsAPI",),
+        without="no hair follows guides"),
     Row("bones", "wsim.physics.animation", owns=("Skeleton",), unseen=("Skeleton",), posed=True, claims=("Skeleton",),
         without="nothing follows a skeleton", gradients=True),
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),

@@ -240,7 +240,7 @@ def _kinematic_body(reading: Reading, found: Prims, sim: Usd.Prim, body: Usd.Pri
 def _followers(reading: Reading, sim: Usd.Prim, body: Usd.Prim) -> None:
     """Notes what lies in a body of cloth or springs and will not follow it; a soft body has skins."""
     for prim in Usd.PrimRange(body):
-        if prim.IsA(UsdGeom.PointBased) and prim.GetPath() != sim.GetPath():
+        if prim.IsA(UsdGeom.PointBased) and prim.GetPath() != sim.GetPath() and not prim.HasRelationship(names.GUIDES):
             reading.warn(prim.GetPath(), f"lies in the deformable body {body.GetPath()} and is not its simulation "
                          "geometry: it does not follow yet")
 

@@ -144,6 +144,8 @@ OTHERS = (
     Entry("Rods", "self_collision", WSIM_RODS, "wsim:selfCollision", "bool", uniform=True),
     Entry("Rods", "drag", WSIM_RODS, "wsim:drag", "double"),
     Entry("Rods", "skin_drag", WSIM_RODS, "wsim:skinDrag", "double"),
+    Entry("Followers", "points", "BasisCurves", "points", "point3f[]", "m"),
+    Entry("Followers", "counts", "BasisCurves", "curveVertexCounts", "int[]"),
     Entry("RodMaterial", "young", CURVES_MATERIAL, "physics:youngsModulus", "float", "Pa"),
     Entry("RodMaterial", "poisson", CURVES_MATERIAL, "physics:poissonsRatio", "float"),
     Entry("RodMaterial", "stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
@@ -224,6 +226,7 @@ STEPS_HINT = "newton:timeStepsPerSecond"                        # read where wsi
 INTO = "wsim:fluid:domain"                                       # relationship of WsimFluidSourceAPI: one domain; none: all
 POURED = "wsim:liquid:domain"                                    # relationship of WsimLiquidSourceAPI: one domain; none: all
 DRIVERS = "wsim:skel:bodies"                                     # relationship of WsimSkeletonAPI: rigid bodies
+GUIDES = "wsim:guides"                                           # relationship of WsimRodsAPI: the rods that curves follow
 LOADED = "wsim:load:body"                                        # relationship of WsimLoadAPI: the body
 ORDER = "wsim:order"                                             # relationship of WsimSceneAPI: objects in their order
 

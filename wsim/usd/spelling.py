@@ -31,7 +31,7 @@ def _places() -> dict[str, set[str]]:
     """Where each attribute of wsim is read."""
     found: dict[str, set[str]] = {names.ORDER: {names.PHYSICS_SCENE}, names.LOADED: {names.WSIM_LOAD},
                                     names.INTO: {names.WSIM_SOURCE}, names.POURED: {names.WSIM_POUR},
-                                    names.DRIVERS: {"Skeleton"}}
+                                    names.DRIVERS: {"Skeleton"}, names.GUIDES: {names.WSIM_RODS}}
     for entry in TABLE:
         if entry.attribute.startswith(WSIM):
             found.setdefault(entry.attribute, set()).add(PLACES[entry.schema])

@@ -1,6 +1,6 @@
 """Rods on the device: the part "rods", a row a point of each strand of every world, in float64 whatever the precision of a
 simulation is: strains are differences of positions of 1e-9 of a strand's length. All substeps of a frame are one launch, a
-thread a strand (kernels/rods/march.py)."""
+thread a strand (kernels/rods/march.py), on a GPU many (apart.py)."""
 
 import math
 from typing import Any
@@ -29,6 +29,7 @@ FIELDS = (Field("x", "m", True, "position relative to the strand's first point a
           Field("phi", "rad", True, "twist at a point", "double"),
           Field("begun", "1", True, "1: it carries on the step before", "int"))
 LONGEST = 1.0 / 240.0         # [s] of a substep: BDF2 is off by (omega h)^2 / 3 of a frequency, 1e-3 at 2 Hz
+APART: bool | None = None     # a launch for each part of an iteration; None: on a GPU
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
 
 
@@ -40,9 +41,9 @@ def signature(b) -> list:
     return []                                            # kernels stand in modules of their own
 
 
-def module(names: tuple[str, ...], airy: bool, touching: bool) -> str:
+def module(names: tuple[str, ...], airy: bool, touching: bool, apart: bool) -> str:
     """Module of the kernels that meet colliders of such kinds, air, other strands."""
-    return "_".join(("wsim_rods", *names, *("air",) * airy, *("touch",) * touching))
+    return "_".join(("wsim_rods", *names, *("air",) * airy, *("touch",) * touching, *("apart",) * apart))
 
 
 def airy(scene: Scene) -> bool:
@@ -67,7 +68,8 @@ class Strands(Method):
         names = self.obstacles.kinds
         touching = any(rods.self_collision for rods in b.scene.things("Rods"))
         self.airy = airy(b.scene)
-        own = module(names, self.airy, touching)
+        apart = not touching and (self.model.device.is_cuda if APART is None else APART)
+        own = module(names, self.airy, touching, apart)
         b.model.modules[own] = THREADS
         self._allocate(b)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
@@ -82,6 +84,11 @@ class Strands(Method):
         if self.touching:
             self.stages.append(Stage("rods", "predict", self.touching.advance, 30 * self.substeps, self.part.bytes, "frame",
                                      what + "BDF2, or backward Euler where they touch, float64; contact of edges, and a proof"))
+            return
+        if apart:
+            from wsim.physics.rods.apart import Apart
+            self.stages.append(Stage("rods", "predict", Apart(self, own, self.model.device).advance, 30 * self.substeps,
+                                     self.part.bytes, "frame", what + "BDF2, float64"))
             return
         self.kernel = strands(names, self.airy, own)
         self.stages.append(Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame",

@@ -1,0 +1,52 @@
+"""Substeps of strands on a GPU: a launch for each part of an iteration (kernels/rods/apart.py). On a CPU strands march in one
+launch, see method.py."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.rods.apart import Parts, apart
+from wsim.kernels.rods.system import Bend
+from wsim.model.stage import Clock
+from wsim.model.structs import filled
+
+if TYPE_CHECKING:
+    from wsim.physics.rods.method import Strands
+
+
+class Apart:
+    def __init__(self, strands: Strands, module: str, device):
+        self.strands, table, self.device = strands, strands.table, device
+        self.begin, self.measure, self.solve, self.take, self.end = apart(strands.obstacles.kinds, strands.airy, module)
+        two, m = (table.longest, table.strands), table.strands
+        types = {"D": wp.mat44d, "r": wp.vec4d, "edge": wp.vec4d, "bend": Bend}
+        types |= {"gust": wp.vec3d, "damp": wp.mat33d} if strands.airy else {}
+        length = np.where(table.values["length"] > 0.0, table.values["length"], np.inf)
+        self.parts = filled(
+            Parts, least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
+            **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()},
+            **{name: wp.zeros(m, dtype=wp.float64, device=device) for name in ("before", "share")},
+            **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "on", "moved")})
+        self.words = wp.zeros(1, dtype=int, device=device)
+
+    def each(self, kernel, inputs: list, outputs: list, points: bool = True) -> None:
+        table = self.strands.table
+        wp.launch(kernel, table.strands * (table.longest if points else 1), inputs, outputs, device=self.device,
+                  block_dim=self.strands.threads)
+
+    def advance(self, clock: Clock) -> None:
+        s, h = self.strands, clock.dt / self.strands.substeps
+        S, H, C, Q, T, A = s.strands, s.holds, s.obstacles.table, s.moving(), s.trial, self.parts
+        s.said.zero_()
+
+        def iterate(at: int) -> None:
+            self.each(self.measure, [S, C, Q, T, A, h, at], [self.words])
+            self.each(self.solve, [S, T, A], [self.words, s.said], False)
+            self.each(self.take, [S, T, A], [])
+        for at in range(s.substeps):
+            self.each(self.begin, [S, H, Q, T, A, h, at], [self.words])
+            wp.capture_while(self.words, iterate, at=at)
+            self.each(self.end, [S, C, Q, T, h, at], [s.said])

@@ -1,0 +1,1 @@
+"""Hairs that follow guides: curves that are not simulated, carried by rods near them."""

@@ -1,0 +1,56 @@
+"""BasisCurves with WsimRodsAPI and wsim:guides <-> `Followers`. Curves of any type; their points are carried."""
+
+from pxr import Sdf, Usd, UsdGeom
+
+from wsim.physics.rods.follow.objects import Followers
+from wsim.usd import names
+from wsim.usd.attributes import author as write
+from wsim.usd.attributes import read
+from wsim.usd.prims.cloth import load_points
+from wsim.usd.stage import Reading, Units, applied
+from wsim.usd.transforms import author_motion, placement
+
+
+def load(reading: Reading, prim: Usd.Prim) -> Followers | None:
+    """The strands of a prim that names guides; None of rods, and of what cannot be read (which is reported)."""
+    path, simulated = prim.GetPath(), names.CURVES_SIM in applied(prim)
+    relationship = prim.GetRelationship(names.GUIDES)
+    targets = [str(target) for target in relationship.GetForwardedTargets()] if relationship else []
+    if simulated or not targets:
+        if targets:
+            reading.fail(path, f"is simulated ({names.CURVES_SIM}) and follows {', '.join(targets)} ({names.GUIDES}); allowed "
+                         "is one of the two: remove the API, or the relationship")
+        elif not simulated:
+            reading.warn(path, f"has {names.WSIM_RODS}, neither {names.CURVES_SIM} nor {names.GUIDES}, and does nothing")
+        return None
+    if len(targets) > 1:
+        reading.fail(path, f"{names.GUIDES} names {', '.join(targets)}; allowed is one prim: give each its own followers")
+        return None
+    curves = UsdGeom.BasisCurves(prim)
+    if not curves:
+        reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.GUIDES}; allowed is BasisCurves")
+        return None
+    points, _ = load_points(reading, prim, "Followers")
+    counts = read(prim, "Followers", "counts", reading.units, reading.start)
+    if points is None or counts is None:
+        reading.fail(path, "has no points or no curveVertexCounts; author both")
+        return None
+    cubic = curves.GetTypeAttr().Get() == UsdGeom.Tokens.cubic
+    return Followers(str(path), points, counts, targets[0], str(curves.GetBasisAttr().Get()) if cubic else "linear",
+                     placement(reading, prim).motion)
+
+
+def author(stage: Usd.Stage, followers: Followers, units: Units) -> None:
+    """Defines the BasisCurves of followers."""
+    curves = UsdGeom.BasisCurves.Define(stage, followers.path)
+    prim = curves.GetPrim()
+    linear = followers.kind == "linear"
+    curves.CreateTypeAttr(UsdGeom.Tokens.linear if linear else UsdGeom.Tokens.cubic)
+    if not linear:
+        curves.CreateBasisAttr(followers.kind)
+    prim.AddAppliedSchema(names.WSIM_RODS)
+    prim.CreateRelationship(names.GUIDES, False).SetTargets([Sdf.Path(followers.guides)])
+    for field in ("points", "counts"):
+        write(prim, "Followers", field, getattr(followers, field), units)
+    curves.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(curves.GetPointsAttr().Get()))
+    author_motion(prim, followers.motion, units, 0)
