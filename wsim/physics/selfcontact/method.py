@@ -116,7 +116,7 @@ class SelfContact(Method):
         if self.obstacles:
             self.obstacles.move(clock)
             self.borrow()
-        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at()))
+        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at(), begins=1))
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(self.at()))
 
     def touch(self, clock: Clock) -> None:

@@ -10,6 +10,7 @@ import warp as wp
 from wsim.geometry import topology
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs as kernels
+from wsim.kernels.selfcontact.tubes import LONG
 from wsim.model.structs import filled
 from wsim.physics.selfcontact import obstacles
 from wsim.physics.selfcontact.obstacles import Obstacles
@@ -105,7 +106,7 @@ class Surfaces:
             kernels.surfaces(model.real), w=self.w, point=model.upload(self.points, int),
             triangle=model.upload(self.triangles, wp.vec3i), edge=model.upload(self.edges, wp.vec2i),
             reach=model.upload(self.reach.astype(model.dtype), t.scalar), body=model.upload(body, int),
-            world=model.upload(self.world, int), beta=self.beta, radius=2.01 * self.beta, tied=int(model.alias is not None),
+            world=model.upload(self.world, int), beta=self.beta, longest=LONG * self.edge, tied=int(model.alias is not None),
             ulp=ULP[model.dtype], **{name: model.upload(values.astype(model.dtype), dtypes[name])
                                      for name, values in self._columns(model).items()})
 
