@@ -1,9 +1,10 @@
 """Search for near pairs: points against triangles, and edges against edges, by a tree over the boxes of each (Warp's).
 
 A pair is listed where its two sides, as far as their tubes lead (kernels/selfcontact/tubes.py), may come nearer than what it
-keeps and the radii of its tubes: by where its points are half way, as a whole, and how far they leave that beside the first. Pairs that share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides,
-and at most REST times its distance in the rest shape: what is near by construction is not pushed apart, so that a flat cloth
-that is less thick than REST of its edges lists no pairs. No pair whose tubes meet is left out for being near at rest.
+keeps and the radii of its tubes: by where its points are half way, and how far they leave that beside the first. Pairs that
+share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides, and at most REST times its
+distance in the rest shape: what is near by construction is not pushed apart, so that a flat cloth less thick than a third of
+its edges lists no pairs. No pair whose tubes meet is left out for being near at rest.
 """
 
 from functools import cache
@@ -142,7 +143,6 @@ def listing(real):
 def reach(real, module):
     """Kernel: points against triangles, or edges against edges of a greater number. start: of the first of the points (edges),
     and of the triangles (edges) of the tree; tree, root: of the boxes of these, and its nodes by world."""
-    t = types(real)
     Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
     append, tube = listing(real), tube_of(real)
 
@@ -181,8 +181,8 @@ def reach(real, module):
 
 @cache
 def listed(real, module):
-    """Kernel: a list was made: whether it holds pairs, and how many times so far. begins 1: before a substep, by its prediction:
-    A is 1 until it ends."""
+    """Kernel: a list was made: whether it holds pairs, and how many times so far. begins 1: before a substep, by its
+    prediction: A is 1 until it ends."""
     Frames = frames(real)
 
     @wp.kernel(module=module, enable_backward=False)

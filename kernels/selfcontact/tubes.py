@@ -6,14 +6,14 @@ Best rigid motion of a substep, of points of mass m at p that go by f (least squ
 
 Sums are taken in a fixed order. When a list is made, A = 1; A takes on R each substep. k substeps later a point is expected at
 
-    P + min(k, lead) V,   V its motion beside R in the first substep,   lead of 1, 2, 4, 8 or 16 substeps: LONG mean edges at most
+    P + min(k, lead) V,   V its motion beside R in the first substep,   lead = 1, 2, 4, 8 or 16: LONG mean edges at most
 
-and while A^-1 p is within beta_i of it where substeps begin and end, it is all the time between, when it goes along with what is
-expected: both are linear then. Pairs that come no nearer than their betas by what is expected do not meet, whatever A is: only
-differences of V count, where leads are alike. Between, p goes along a chord of what A makes of a straight line, and leaves it
-by |p - c| theta^2 / 8 at most, which counts too. A bad R, V or beta_i costs searches and nothing else. beta_i is what has made
-the last list hold for LASTS substeps, between beta and WIDEST beta, and STAYS of what it was at least: few points that go another
-way have wide tubes.
+and while A^-1 p is within beta_i of it where substeps begin and end, it is all the time between, when it goes along with what
+is expected: both are linear then. Pairs that come no nearer than their betas by what is expected do not meet, whatever A is:
+only differences of V count, where leads are alike. Between, p goes along a chord of what A makes of a straight line, and leaves
+it by |p - c| theta^2 / 8 at most, which counts too. A bad R, V or beta_i costs searches and nothing else. beta_i is what would
+have made the last list hold for LASTS substeps, between beta and WIDEST beta, and STAYS of what it was at least: few points
+that go another way have wide tubes.
 """
 
 from functools import cache
@@ -27,7 +27,7 @@ from wsim.kernels.selfcontact import pairs
 FOLD, COLUMNS = 16, 17           # of the sums: how many partial ones are one in a pass, numbers of each
 ENERGY = 16                              # the one of m |f|^2
 LEAD, LONG = 16, 2.0                     # substeps that tubes lead ahead at most; how far, in mean edges
-LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the widest tube over beta; the least over that before
+LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the widest tube over beta; least over that before
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
 

@@ -138,7 +138,7 @@ class Near:
         launch(self.fit, 1, [m[-1], fresh], [self.frames])
 
     def search(self, at, most: int = tubes.LEAD, begins: int = 0) -> None:
-        """Makes the list, by what `at` holds, for so many substeps at most. begins 1: before the substep is solved, else behind."""
+        """Makes the list, by what `at` holds, for so many substeps at most. begins 1: before the substep is solved."""
         launch, s, f = self.model.launch, self.surfaces, self.frames
         self.move(at, 1)
         launch(self.axes, len(s.points), [s.data, at, most, self.words], [f])
