@@ -65,6 +65,20 @@ class Surfaces:
         self.thickness = max(self.thickness, 0.5 * self.thickness + float(o.reach.max()))
         self.reach = np.concatenate([self.reach, o.reach])
 
+    def rub(self, path: str, column: int, value: float, world: int | None) -> bool:
+        """Friction of a body or a collider, static (column 0) or dynamic, in one world or all; False if neither is among these;
+        not captured."""
+        rows = [slice(b.first, b.last) for b in self.bodies if b.path == path and world in (None, b.world)]
+        for o in self.obstacles.each if self.obstacles else ():
+            if self.obstacles.contacts.rows.colliders[o.number].path == path:
+                starts = self.obstacles.places[id(o)]
+                rows += [slice(s, s + len(o.own)) for w, s in enumerate(starts) if world in (None, w)]
+        values = self.data.friction.numpy()
+        for each in rows:
+            values[each, column] = value
+        self.data.friction.assign(values)
+        return bool(rows)
+
     def weigh(self, w: wp.array) -> None:
         """Inverse masses as they are now; not captured."""
         if self.obstacles:
