@@ -31,7 +31,7 @@ def twisted_cloth() -> str:
 
     def nearer(n: float) -> float:
         """Metres by which the ends are nearer after n turns: what the sides take to go in, and what the rope shortens by."""
-        return 0.06 * min(0.5 * n, 1.0) ** 2 + 0.08 * (n / turns) ** 2
+        return 0.08 * min(0.5 * n, 1.0) ** 2 + 0.14 * n / turns
 
     def grip(name: str, sign: float, y: float) -> str:
         done = [(f, eased(f, 8, 116)) for f in range(0, frames + 1, 2)]
