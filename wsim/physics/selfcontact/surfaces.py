@@ -69,10 +69,10 @@ class Surfaces:
         """Friction of a body or a collider, static (column 0) or dynamic, in one world or all; False if neither is among these;
         not captured."""
         rows = [slice(b.first, b.last) for b in self.bodies if b.path == path and world in (None, b.world)]
-        for o in self.obstacles.each if self.obstacles else ():
-            if self.obstacles.contacts.rows.colliders[o.number].path == path:
-                starts = self.obstacles.places[id(o)]
-                rows += [slice(s, s + len(o.own)) for w, s in enumerate(starts) if world in (None, w)]
+        met = self.obstacles
+        for o in met.each if met else ():
+            if met and met.contacts.rows.colliders[o.number].path == path:
+                rows += [slice(s, s + len(o.own)) for w, s in enumerate(met.places[id(o)]) if world in (None, w)]
         values = self.data.friction.numpy()
         for each in rows:
             values[each, column] = value
