@@ -25,26 +25,19 @@ def ribbon() -> str:
 
 
 def twisted_cloth() -> str:
-    columns, rows, turns, frames, length = 16, 64, 10.0, 120, 0.8
-    surface = shapes.sheet(0.2, length, columns, rows, at=(0.0, 0.5, 0.0))
+    columns, rows, turns, frames = 16, 32, 0.8, 72
+    surface = shapes.sheet(0.4, 0.8, columns, rows, at=(0.0, 0.5, 0.0))
     up = np.asarray(surface[0])[:, 1]
 
-    def nearer(n: float) -> float:
-        """Metres by which the ends are nearer after n turns: what the sides take to go in, and what the rope shortens by."""
-        return 0.08 * min(0.5 * n, 1.0) ** 2 + 0.14 * n / turns
-
     def grip(name: str, sign: float, y: float) -> str:
-        done = [(f, eased(f, 8, 116)) for f in range(0, frames + 1, 2)]
-        places = [(f, (0.0, y - 0.5 * sign * nearer(turns * part), 0.0)) for f, part in done]
-        angles = [(f, (0.0, sign * 180.0 * turns * part, 0.0)) for f, part in done]
-        body = samples("double3", "xformOp:translate", places) + "\n" + samples("float3", "xformOp:rotateXYZ", angles)
-        order = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]'
-        return block("Xform", name, body + "\n" + order, comment="Turns about the axis of the cloth, and comes nearer.")
-    return scene("A cloth is twisted into a rope: its ends turn against each other, 10 full turns in all.", [
-        settings(solver="xpbd", substeps=24, iterations=6, air_drag=1.0, comment=TOUCHING),
+        keys = [(f, (0.0, sign * 180.0 * turns * eased(f, 8, 64), 0.0)) for f in range(0, frames + 1, 2)]
+        body = samples("float3", "xformOp:rotateXYZ", keys) + "\n" + moved(0, y, 0, "xformOp:rotateXYZ")
+        return block("Xform", name, body, comment="Turns about the axis of the cloth.")
+    return scene("A cloth is twisted into a rope: its ends turn against each other, 0.8 of a turn in all.", [
+        settings(solver="xpbd", substeps=24, iterations=10, air_drag=1.0, comment=TOUCHING),
         material("cotton", damping=1e-4),
-        cloth("Cloth", surface, "cotton", (0.75, 0.6, 0.2), "20 x 80 cm, half a millimetre thick. wsim:selfCollision: it winds "
-              "about itself and does not pass through.", self_collision=True),
+        cloth("Cloth", surface, "cotton", (0.75, 0.6, 0.2), "40 x 80 cm. wsim:selfCollision: it winds about itself and does "
+              "not pass through.", self_collision=True),
         grip("Upper", 1.0, float(up.max())), grip("Lower", -1.0, float(up.min())),
         pin("Above", "/World/Cloth", np.flatnonzero(up > up.max() - 1e-6), "/World/Upper", "The upper edge."),
         pin("Below", "/World/Cloth", np.flatnonzero(up < up.min() + 1e-6), "/World/Lower", "The lower edge."),
