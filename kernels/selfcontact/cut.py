@@ -170,5 +170,6 @@ def tell(real, module):
         said[SEARCHES] = said[SEARCHES] + words[pairs.MADE]
         words[pairs.MADE] = 0
         words[pairs.EPOCH] = words[pairs.EPOCH] + 1
+        words[pairs.AGE] = words[pairs.AGE] + 1
 
     return tell_frame

@@ -21,10 +21,10 @@ OVER = 1.6                               # over-relaxation of sweeps along norma
 # projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
 # and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
 # lists that were made in this substep; points out of their tubes behind projections; cuts have ended, and pairs lack a proof;
-# 1: a point was cut by much in this substep; how many running
+# 1: a point was cut by much in this substep; how many running; substeps that the list has held
 SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED, PINCH = range(16)
-WORST, RUN = 16, 17
-WORDS = 18
+WORST, RUN, AGE = 16, 17, 18
+WORDS = 19
 
 
 @cache
@@ -46,8 +46,8 @@ def surfaces(real):
         rest: wp.array(dtype=t.vec3)              # place in the rest shape of the body [m]
         body: wp.array(dtype=int)
         world: wp.array(dtype=int)
-        beta: t.scalar                            # radius of tubes [m]
-        radius: t.scalar                          # pairs nearer than this, but for tubes and paths, are listed [m]
+        beta: t.scalar                            # least radius of tubes [m]
+        longest: t.scalar                         # that they lead ahead by, at most [m]
         tied: int                                 # 1: bodies share points, and `rest` is where they start
         ulp: t.scalar                             # rounding of one operation
 

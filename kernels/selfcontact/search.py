@@ -1,9 +1,10 @@
 """Search for near pairs: points against triangles, and edges against edges, by a tree over the boxes of each (Warp's).
 
-A pair is listed where the axes of its two sides (kernels/selfcontact/tubes.py) may come nearer than what it keeps and two
-tubes' radii. Pairs that share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides,
-and at most REST times its distance in the rest shape: what is near by construction is not pushed apart, so that a flat cloth
-that is less thick than REST of its edges lists no pairs. No pair whose tubes meet is left out for being near at rest.
+A pair is listed where its two sides, as far as their tubes lead (kernels/selfcontact/tubes.py), may come nearer than what it
+keeps and the radii of its tubes: by where its points are half way, and how far they leave that beside the first. Pairs that
+share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides, and at most REST times its
+distance in the rest shape: what is near by construction is not pushed apart, so that a flat cloth less thick than a third of
+its edges lists no pairs. No pair whose tubes meet is left out for being near at rest.
 """
 
 from functools import cache
@@ -15,6 +16,26 @@ from wsim.kernels.selfcontact import closest, pairs
 from wsim.kernels.selfcontact.tubes import frames
 
 REST = 0.4
+ROUND = 1.005          # of tubes, for rounding
+PARTS = 8              # threads that share a search on a GPU: one alone waits for memory, box after box
+
+
+@cache
+def tube_of(real):
+    """Function: corners of the box about the tube of a point."""
+    t = types(real)
+    Frames = frames(real)
+
+    @wp.func
+    def tube(f: Frames, i: int):
+        a = f.start[i]
+        b = a + real(f.lead[i]) * f.way[i]
+        r = t.vec3(f.beta[i], f.beta[i], f.beta[i])
+        low = wp.min(a, b) - r
+        high = wp.max(a, b) + r
+        return wp.vec3f(float(low[0]), float(low[1]), float(low[2])), wp.vec3f(float(high[0]), float(high[1]), float(high[2]))
+
+    return tube
 
 
 @cache
@@ -22,29 +43,26 @@ def boxes(real, module):
     """Kernels: boxes about the axes of the points of triangles, and of edges."""
     Surfaces, Frames = pairs.surfaces(real), frames(real)
 
-    @wp.func
-    def under(f: Frames, i: int):
-        a = wp.min(f.start[i], f.goal[i])
-        return wp.vec3f(float(a[0]), float(a[1]), float(a[2]))
-
-    @wp.func
-    def over(f: Frames, i: int):
-        a = wp.max(f.start[i], f.goal[i])
-        return wp.vec3f(float(a[0]), float(a[1]), float(a[2]))
+    tube = tube_of(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def triangle_boxes(s: Surfaces, f: Frames, low: wp.array(dtype=wp.vec3f), high: wp.array(dtype=wp.vec3f)):
         i = wp.tid()
         c = s.triangle[i]
-        low[i] = wp.min(under(f, c[0]), wp.min(under(f, c[1]), under(f, c[2])))
-        high[i] = wp.max(over(f, c[0]), wp.max(over(f, c[1]), over(f, c[2])))
+        a0, a1 = tube(f, c[0])
+        b0, b1 = tube(f, c[1])
+        c0, c1 = tube(f, c[2])
+        low[i] = wp.min(a0, wp.min(b0, c0))
+        high[i] = wp.max(a1, wp.max(b1, c1))
 
     @wp.kernel(module=module, enable_backward=False)
     def edge_boxes(s: Surfaces, f: Frames, low: wp.array(dtype=wp.vec3f), high: wp.array(dtype=wp.vec3f)):
         i = wp.tid()
         c = s.edge[i]
-        low[i] = wp.min(under(f, c[0]), under(f, c[1]))
-        high[i] = wp.max(over(f, c[0]), over(f, c[1]))
+        a0, a1 = tube(f, c[0])
+        b0, b1 = tube(f, c[1])
+        low[i] = wp.min(a0, b0)
+        high[i] = wp.max(a1, b1)
 
     return triangle_boxes, edge_boxes
 
@@ -71,21 +89,30 @@ def listing(real):
         return wp.max(a0, a1) + other
 
     @wp.func
-    def length(f: Frames, i: int):
-        return wp.length(f.goal[i] - f.start[i])
+    def leaves(f: Frames, i: int, o: int, half: real):
+        """How far point i may be from where it is expected half way, beside what point o does."""
+        if half > real(0.0):
+            return real(ROUND) * f.beta[i] + half * wp.length(f.way[i] - f.way[o])
+        return real(ROUND) * f.beta[i] + real(f.lead[i]) * wp.length(f.way[i])
 
     @wp.func
     def append(s: Surfaces, f: Frames, kind: int, ids: wp.vec4i, near: Pairs):
         i, j, k, o = ids[1], ids[2], ids[3], ids[0]
         keep = sides(kind, s.reach[o], s.reach[i], s.reach[j], s.reach[k])
-        tubes = s.radius + sides(kind, length(f, o), length(f, i), length(f, j), length(f, k))
+        lead = f.lead[o]
+        half = real(0.0)
+        if lead == f.lead[i] and lead == f.lead[j] and lead == f.lead[k]:
+            half = real(0.5) * real(lead)
+        tubes = sides(kind, leaves(f, o, o, half), leaves(f, i, o, half), leaves(f, j, o, half), leaves(f, k, o, half))
         b = s.body[o]
         same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
-        c = f.start[o]
-        p1, p2, p3 = f.start[i] - c, f.start[j] - c, f.start[k] - c
+        c = f.start[o] + half * f.way[o]
+        p1 = (f.start[i] + half * f.way[i]) - c
+        p2 = (f.start[j] + half * f.way[j]) - c
+        p3 = (f.start[k] + half * f.way[k]) - c
         now = real(0.0)
         step = int(0)
-        while step < 2:                                   # where they are, and at rest: a loop, so that it is compiled once
+        while step < 2:                                   # half way, and at rest: a loop, so that it is compiled once
             away = distance(kind, p1, p2, p3)
             if step == 0:
                 if away > keep + tubes:
@@ -115,20 +142,45 @@ def listing(real):
 
 @cache
 def reach(real, module):
-    """Kernel: points against triangles, or edges against edges of a greater number. start: of the first of the points (edges),
-    and of the triangles (edges) of the tree; tree, root: of the boxes of these, and its nodes by world."""
-    t = types(real)
+    """Kernel: points against triangles, or edges against edges of a greater number. how: kind; first of the points (edges), and
+    of the triangles (edges) of the tree; PARTS, or 1, threads that share what one of them looks at. tree, root, low: of the
+    boxes of the latter, its nodes by world, and their low corners.
+
+    Each thread looks into one octant, and takes boxes whose common part with the whole begins there: each is taken once."""
     Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
-    append = listing(real)
+    append, tube = listing(real), tube_of(real)
 
     @wp.func
-    def corner(a: t.vec3, more: real):
-        return wp.vec3f(float(a[0] + more), float(a[1] + more), float(a[2] + more))
+    def upper(part: int, axis: int):
+        return (part >> axis) & 1
+
+    @wp.func
+    def mine(part: int, parts: int, middle: wp.vec3f, begins: wp.vec3f):
+        """Whether a place is in the octant."""
+        found = int(0)
+        for a in range(3):
+            if begins[a] >= middle[a]:
+                found += 1 << a
+        return parts == 1 or found == part
+
+    @wp.func
+    def pair(s: Surfaces, kind: int, own: int, k: int, a: int, b: int):
+        """Points of a pair; the first four times where it is none."""
+        ids = wp.vec4i(a, a, a, a)
+        if kind == closest.POINT:
+            c = s.triangle[k]
+            ids = wp.vec4i(a, c[0], c[1], c[2])
+        elif k > own:
+            e = s.edge[k]
+            ids = wp.vec4i(a, b, e[0], e[1])
+        return ids
 
     @wp.kernel(module=module, enable_backward=False)
-    def search_pairs(s: Surfaces, f: Frames, kind: int, start: wp.vec2i, tree: wp.uint64, root: wp.array(dtype=int),
-                     widest: real, near: Pairs):
-        own = start[0] + wp.tid()
+    def search_pairs(s: Surfaces, f: Frames, how: wp.vec4i, tree: wp.uint64, root: wp.array(dtype=int),
+                     low: wp.array(dtype=wp.vec3f), widest: float, near: Pairs):
+        kind, parts = how[0], how[3]
+        own = how[1] + wp.tid() / parts
+        part = wp.tid() % parts
         a, b = int(0), int(0)
         if kind == closest.POINT:
             a = s.point[own]
@@ -136,31 +188,44 @@ def reach(real, module):
         else:
             a = s.edge[own][0]
             b = s.edge[own][1]
-        low = corner(wp.min(wp.min(f.start[a], f.goal[a]), wp.min(f.start[b], f.goal[b])), -widest)
-        high = corner(wp.max(wp.max(f.start[a], f.goal[a]), wp.max(f.start[b], f.goal[b])), widest)
+        a0, a1 = tube(f, a)
+        b0, b1 = tube(f, b)
+        more = wp.vec3f(widest, widest, widest)
+        under = wp.min(a0, b0) - more
+        over = wp.max(a1, b1) + more
+        middle = 0.5 * (under + over)
+        first = under
+        last = over
+        if parts > 1:
+            for axis in range(3):
+                if upper(part, axis) == 1:
+                    first[axis] = middle[axis]
+                else:
+                    last[axis] = middle[axis]
         leaf = int(0)
-        query = wp.bvh_query_aabb(tree, low, high, root[s.world[a]])
+        query = wp.bvh_query_aabb(tree, first, last, root[s.world[a]])
         while wp.bvh_query_next(query, leaf):
-            k = start[1] + leaf
-            ids = wp.vec4i(a, a, a, a)
-            if kind == closest.POINT:
-                c = s.triangle[k]
-                ids = wp.vec4i(a, c[0], c[1], c[2])
-            elif k > own:
-                e = s.edge[k]
-                ids = wp.vec4i(a, b, e[0], e[1])
-            if ids[2] != a and ids[3] != a and ids[1] != ids[2] and ids[1] != ids[3] and (kind == closest.EDGES or ids[1] != a):
-                append(s, f, kind, ids, near)
+            if mine(part, parts, middle, wp.max(under, low[leaf])):
+                ids = pair(s, kind, own, how[2] + leaf, a, b)
+                apart = ids[2] != a and ids[3] != a and ids[1] != ids[2] and ids[1] != ids[3]
+                if apart and (kind == closest.EDGES or ids[1] != a):
+                    append(s, f, kind, ids, near)
 
     return search_pairs
 
 
 @cache
-def listed(module):
-    """Kernel: a list was made: whether it holds pairs, and how many times so far."""
+def listed(real, module):
+    """Kernel: a list was made: whether it holds pairs, and how many times so far. begins 1: before a substep, by its
+    prediction: A is 1 until it ends."""
+    Frames = frames(real)
+
     @wp.kernel(module=module, enable_backward=False)
-    def list_made(count: wp.array(dtype=int), words: wp.array(dtype=int)):
+    def list_made(count: wp.array(dtype=int), begins: int, f: Frames, words: wp.array(dtype=int)):
+        if begins > 0:
+            f.frame[1] = wp.transform_identity(dtype=real)
         words[pairs.SOON] = 0
+        words[pairs.AGE] = 0
         words[pairs.NEAR] = wp.min(count[0], 1)
         words[pairs.MADE] = words[pairs.MADE] + 1
 

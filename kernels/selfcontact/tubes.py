@@ -4,10 +4,16 @@ Best rigid motion of a substep, of points of mass m at p that go by f (least squ
 
     c = sum m p / M,   u = sum m f / M,   theta = I^-1 sum m (p - c) x (f - u),   R p = c + u + Rot(theta) (p - c)
 
-Sums are taken in a fixed order. When lists are made, A = 1 and the path of each point in the moving frame is an axis P Q; A
-takes on R each substep. While A^-1 p stays within beta of its axis, points of which the axes are farther apart than 2 beta do
-not meet, whatever A is. Between, p goes along a chord of what A makes of a straight line, and leaves it by |p - c| theta^2 / 8
-at most, which counts too. A bad R costs searches and nothing else.
+Sums are taken in a fixed order. When a list is made, A = 1; A takes on R each substep. k substeps later a point is expected at
+
+    P + min(k, lead) V,   V its motion beside R in the first substep,   lead = 1, 2, 4, 8 or 16: LONG mean edges at most
+
+and while A^-1 p is within beta_i of it where substeps begin and end, it is all the time between, when it goes along with what
+is expected: both are linear then. Pairs that come no nearer than their betas by what is expected do not meet, whatever A is:
+only differences of V count, where leads are alike. Between, p goes along a chord of what A makes of a straight line, and leaves
+it by |p - c| theta^2 / 8 at most, which counts too. A bad R, V or beta_i costs searches and nothing else. beta_i is what would
+have made the last list hold for LASTS substeps, between beta and WIDEST beta, and STAYS of what it was at least: few points
+that go another way have wide tubes.
 """
 
 from functools import cache
@@ -20,7 +26,8 @@ from wsim.kernels.selfcontact import pairs
 
 FOLD, COLUMNS = 16, 17           # of the sums: how many partial ones are one in a pass, numbers of each
 ENERGY = 16                              # the one of m |f|^2
-LENGTH = 4.0                             # of beta, that it is made as long by, where a substep's own path is shorter
+LEAD, LONG = 16, 2.0                     # substeps that tubes lead ahead at most; how far, in mean edges
+LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the widest tube over beta; least over that before
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
 
@@ -35,7 +42,10 @@ def frames(real):
         rigid: wp.array(dtype=t.vec3)             # [m], [m], [1], [1], (4,)
         frame: wp.array(dtype=t.transform)        # A, R A, (2,)
         start: wp.array(dtype=t.vec3)             # P [m], (points,)
-        goal: wp.array(dtype=t.vec3)              # Q [m], (points,)
+        way: wp.array(dtype=t.vec3)               # V [m] a substep, (points,)
+        lead: wp.array(dtype=int)                 # (points,)
+        beta: wp.array(dtype=t.scalar)            # radius of the tube [m], (points,)
+        off: wp.array(dtype=t.scalar)             # distance from what was expected, where the last substep ended [m], (points,)
 
     return Frames
 
@@ -149,22 +159,26 @@ def carried(real):
 
 @cache
 def axes(real, module):
-    """Kernel: axes of the tubes, where lists are made: A before the substep is 1. most: substeps that they lead ahead, at
-    most."""
+    """Kernel: tubes, where lists are made: A before the substep is 1. most: substeps that they lead ahead, at most."""
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lay_axes(s: Surfaces, at: State, most: real, f: Frames):
+    def lay_axes(s: Surfaces, at: State, most: int, words: wp.array(dtype=int), f: Frames):
         i = s.point[wp.tid()]
         p = (at.x[i] + s.shift[i]) + at.e[i]
         q = wp.transform_point(wp.transform_inverse(f.frame[1]), (at.x[i] + s.shift[i]) + at.d[i])
         way = q - p
         size = wp.length(way)
-        ahead = real(1.0)
-        if size > real(0.0):
-            ahead = wp.clamp(real(LENGTH) * s.beta / size, real(1.0), most)
+        lead = most
+        while lead > 1 and real(lead) * size > s.longest:
+            lead = lead / 2
+        held = real(wp.max(words[pairs.AGE], 1))
+        wide = wp.max(f.off[i] * real(LASTS) / held, real(STAYS) * f.beta[i])
+        f.beta[i] = wp.clamp(wide, s.beta, real(WIDEST) * s.beta)
+        f.off[i] = real(0.0)
         f.start[i] = p
-        f.goal[i] = p + ahead * way
+        f.way[i] = way
+        f.lead[i] = lead
 
     return lay_axes
 
@@ -177,14 +191,9 @@ def watch(real, module):
     Surfaces, State, Frames, Sums = pairs.surfaces(real), states(real), frames(real), pairs.sums(real)
 
     @wp.func
-    def off(p: t.vec3, a: t.vec3, b: t.vec3):
-        """Distance from p to the axis a b."""
-        d = b - a
-        size = wp.dot(d, d)
-        k = real(0.0)
-        if size > real(0.0):
-            k = wp.clamp(wp.dot(p - a, d) / size, real(0.0), real(1.0))
-        return wp.length(p - a - k * d)
+    def off(p: t.vec3, k: int, i: int, f: Frames):
+        """Distance from p to where point i is expected after k substeps."""
+        return wp.length((p - f.start[i]) - real(wp.min(k, f.lead[i])) * f.way[i])
 
     @wp.kernel(module=module, enable_backward=False)
     def watch_tubes(s: Surfaces, at: State, f: Frames, stop: int, to: Sums, words: wp.array(dtype=int)):
@@ -195,13 +204,15 @@ def watch(real, module):
         v = f.rigid[2]
         sag = real(0.5) * wp.length(p - f.rigid[0]) * wp.dot(v, v)
         size = wp.length(p) + wp.length(wp.transform_get_translation(f.frame[1]))
-        room = s.beta - sag - real(64.0) * s.ulp * size
-        if not (wp.max(off(q0, f.start[i], f.goal[i]), off(q1, f.start[i], f.goal[i])) <= room):
+        room = f.beta[i] - sag - real(64.0) * s.ulp * size
+        k = words[pairs.AGE]
+        f.off[i] = off(q1, k + 1, i, f)
+        if not (wp.max(off(q0, k, i, f), f.off[i]) <= room):
             wp.atomic_add(words, pairs.OUT, 1)
             if stop > 0:
                 to.factor[i] = real(0.0)
                 to.cut[i] = words[pairs.EPOCH]
-        if not (off(real(2.0) * q1 - q0, f.start[i], f.goal[i]) <= room):
+        if not (off(real(2.0) * q1 - q0, k + 2, i, f) <= room):
             words[pairs.SOON] = 1
 
     return watch_tubes

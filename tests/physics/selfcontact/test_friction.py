@@ -72,3 +72,21 @@ def test_friction_that_is_less_lets_it_slide():
     sim = run(scene)
     sim.run(20)
     assert (sim.positions("/upper") - scene.cloths[-1].points)[:, 0].min() > 5e-3
+
+
+@pytest.mark.parametrize("solver", each("xpbd", "leapfrog"))
+def test_friction_that_is_set_live_is_that_of_the_material(solver):
+    """Of a cloth on a cloth without any collider: to the bit as if both had it from the start, and not as they have it."""
+    scenes = [incline(10.0, "cloth", **solver) for _ in range(3)]
+    smooth = replace(CLOTH, static_friction=0.05, dynamic_friction=0.02)
+    for cloth in scenes[1].cloths:
+        cloth.material = smooth
+    sims = [run(scene) for scene in scenes]
+    for path in ("/lower", "/upper"):
+        sims[2].set(path, "static_friction", 0.05)
+        sims[2].set(path, "dynamic_friction", 0.02)
+    for sim in sims:
+        sim.run(10)
+    rough, made, live = (sim.positions("/upper") for sim in sims)
+    assert np.array_equal(live, made)
+    assert (live - rough)[:, 0].min() > 0.5 * 0.5 * G * (np.sin(np.radians(10.0)) - 0.02) * (10.0 / 60.0)**2

@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -51,8 +52,7 @@ def judged(rows: list[dict], triangles: np.ndarray, states: list[np.ndarray]) ->
         return [row | {"crossings": count} for row, count in zip(rows, found, strict=True)]
 
 
-def drop(points: int, device) -> list[dict]:
-    rows = []
+def drop(points: int, device) -> Iterator[dict]:
     for name, setting in twists.SOLVERS.items():
         if name == "leapfrog":
             setting = setting | {"substeps": stable(twists.drop(points, True, **setting), device)}
@@ -64,10 +64,9 @@ def drop(points: int, device) -> list[dict]:
             for on, sim in sims.items():
                 times[on] += [stepped(sim) for _ in range(TURN)]
         alone, ms = min(times[False]), min(times[True])
-        rows.append({"scene": "drop", "solver": name, "points": sims[True].model.points,
-                     "substeps": sims[True].plan.clock.substeps, "ms_without": alone, "ms": ms, "over": ms / alone - 1.0,
-                     "medians": [float(np.median(times[on])) for on in times]})
-    return rows
+        yield {"scene": "drop", "solver": name, "points": sims[True].model.points,
+               "substeps": sims[True].plan.clock.substeps, "ms_without": alone, "ms": ms, "over": ms / alone - 1.0,
+               "medians": [float(np.median(times[on])) for on in times]}
 
 
 def stepped(sim: Simulation) -> float:
@@ -170,7 +169,8 @@ def main() -> None:
         if args.json:
             write(args.json, head | {"rows": found})
     if "drop" in wanted:
-        tell(drop(2 * args.points, device))
+        for row in drop(2 * args.points, device):
+            tell([row])
     if "twist" in wanted:
         setting = dict(each.split("=") for each in args.setting.split(",") if each)
         setting = {name: int(value) if value.isdigit() else value for name, value in setting.items()}

@@ -3,8 +3,8 @@ that is twisted into a rope by its two ends.
 
 The twist: 20 x 80 cm of an isotropic sheet 0.5 mm thick, no gravity; both short edges turn against each other, and come nearer
 as the rope shortens. A packed rope of radius r and n turns has fibres of length sqrt(H^2 + (2 pi n r)^2) outside, H along its
-axis: with r = 6.7 mm (0.7 of the section filled) those of 80 cm leave H = 68 cm at 10 turns. The ends stay as wide as they
-are: fibres at the side go in from there, 3 cm more at each end.
+axis: with r = 6.7 mm (0.7 of the section filled) those of 80 cm leave H = 68 cm at 10 turns, and r = 12 mm, of a loose one,
+leaves 74 cm at 4. The ends stay as wide as they are: fibres at the side go in from there, 4 cm more at each end.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from wsim.scene import Motion, Scene, shapes
 from wsim.scene.fabric import Fabric, isotropic
 
 WIDTH, LENGTH = 0.2, 0.8                         # [m]
-GATHERED, SHORTER = 0.06, 0.08                   # [m] that the ends come nearer by in the first two turns, and until MOST
+GATHERED, SHORTER = 0.08, 0.14                   # [m] that the ends come nearer by in the first two turns, and until MOST
 MOST, RATE, FPS = 10.0, 2.0, 60.0                # turns, of one end against the other; turns a second; frames a second
 STRETCH, POISSON, DENSITY, THICKNESS = 2000.0, 0.3, 0.2, 0.5e-3          # E h [N/m], nu, [kg/m^2], [m]
 FRICTION = 0.2
@@ -36,7 +36,7 @@ def sheet(points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def turned(times: np.ndarray, sign: float) -> tuple[np.ndarray, np.ndarray]:
     """Angle [rad] about y and place [m] of an end: sign 1 the upper, -1 the lower. Starts gently, within half a second."""
     n = turns(times)
-    nearer = GATHERED * np.minimum(0.5 * n, 1.0)**2 + SHORTER * np.minimum(n / MOST, 1.0)**2
+    nearer = GATHERED * np.minimum(0.5 * n, 1.0)**2 + SHORTER * np.minimum(n / MOST, 1.0)
     return sign * np.pi * n, sign * 0.5 * (LENGTH - nearer)
 
 

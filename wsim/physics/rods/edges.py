@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact.tubes import LONG
 from wsim.model.launches import Launches
 from wsim.model.structs import filled
 from wsim.physics.selfcontact.surfaces import TUBE, TUBE_EDGE, ULP, WRITTEN
@@ -59,7 +60,8 @@ class Edges:
         reach = table.values["radius"].ravel()
         self.thickness = 2.0 * float(reach[self.points].max(initial=0.0))
         length = table.values["length"].ravel()[first]
-        self.beta = max(TUBE * self.thickness, TUBE_EDGE * float(length.mean()))
+        self.edge = float(length.mean())
+        self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)
         self.data = self._upload(ground, reach)
 
     def _upload(self, ground: Ground, reach: np.ndarray) -> Any:
@@ -81,7 +83,7 @@ class Edges:
             triangle=up(self.triangles, wp.vec3i), unit=up(unit[k], wp.float64), reach=up(reach, wp.float64),
             friction=up(friction[k], wp.vec2d), rest=up(along.reshape(-1, 3), wp.vec3d), body=up(k, int),
             world=up(self.world, int), shift=up((t.origin - self.base)[k], wp.vec3d), far=up(far[k], wp.vec3d), beta=self.beta,
-            radius=2.01 * self.beta, tied=0, ulp=ULP[np.float64])
+            longest=LONG * self.edge, tied=0, ulp=ULP[np.float64])
 
     def start(self, model: Ground) -> np.ndarray:
         """Where all points begin, from the origin of the first strand [m], (points, 3)."""

@@ -133,11 +133,11 @@ class Touching:
         """Words of a frame, on the device."""
         return self.status.word(SAID)
 
-    def search(self) -> None:
-        """The list, and the pairs of every point; what was listed before is remembered."""
+    def search(self, begins: int = 1) -> None:
+        """The list, and the pairs of every point; what was listed before is remembered. begins: as `Near.search`."""
         near, P, old, launch = self.near, self.pressed, self.old, self.ground.launch
         self._copy(P, near.pairs.ids, old, self.old_ids)
-        near.search(self.at)
+        near.search(self.at, begins=begins)
         P.many.zero_()
         for name in ("press", "stiff", "along"):
             getattr(self.strands.trial, name).zero_()
@@ -147,7 +147,7 @@ class Touching:
 
     def again(self) -> None:
         """A list along the path that was solved for, and where its pairs are."""
-        self.search()
+        self.search(0)
         self.look()
 
     def look(self) -> None:

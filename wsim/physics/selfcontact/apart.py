@@ -62,7 +62,7 @@ class Apart:
             at = self.method.obstacles.borrow(at)
         near.move(at, 0)
         near.look(at)
-        wp.capture_if(near.word(pairs.OUT), lambda: near.search(at, 1.0))
+        wp.capture_if(near.word(pairs.OUT), lambda: near.search(at, 1))
         near.word(pairs.OUT).zero_()
         self.method.guarantee.close(self.method.said)
 

@@ -24,6 +24,7 @@ from wsim.physics.selfcontact.settle import Settle
 from wsim.physics.selfcontact.start import reports
 from wsim.physics.selfcontact.surfaces import Surfaces
 from wsim.scene import Problem, SceneError
+from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
@@ -110,13 +111,17 @@ class SelfContact(Method):
         if self.obstacles:
             self.model.launch(self.obstacles.hand, self.model.points, [self.obstacles.state.d], [self.state.d])
 
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        """static_friction, dynamic_friction of a body or a collider."""
+        return name in FRICTION and self.surfaces.rub(path, FRICTION.index(name), value, world)
+
     def find(self, clock: Clock) -> None:
         """Makes the list if it does not hold on, and looks at where its pairs are."""
         import warp as wp
         if self.obstacles:
             self.obstacles.move(clock)
             self.borrow()
-        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at()))
+        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at(), begins=1))
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(self.at()))
 
     def touch(self, clock: Clock) -> None:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from wsim.physics.selfcontact.surfaces import Surfaces
 
 LANES, MANY = 256, 16384         # partial sums of moments; points from which there are FOLD times as many
-AHEAD = 4.0            # substeps that an axis leads ahead at most
 EACH = 4               # pairs a point that there is room for at first
 EPOCHS = 1 << 16       # substeps that a frame has fewer of
 REBUILT = 48           # frames after which trees are built anew: boxes of what has folded overlap
@@ -32,14 +31,15 @@ class Near:
         self.tally, self.fold, self.fit = tubes.tally(real, module), tubes.fold(real, module), tubes.fit(real, module)
         self.axes, self.watch = tubes.axes(real, module), tubes.watch(real, module)
         self.boxes, self.reach, self.roots = search.boxes(real, module), search.reach(real, module), roots(module)
-        self.listed = search.listed(module)
+        self.listed = search.listed(real, module)
         zeros, n = partial(wp.zeros, device=device), surfaces.total
         self.words = zeros(pairs.WORDS, dtype=int)
         self.sums = filled(pairs.sums(real), move=zeros(3 * n, dtype=wp.int64), share=zeros(n, dtype=int),
                            taken=zeros(1, dtype=wp.int64),
                            factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
         self.frames = filled(tubes.frames(real), rigid=zeros(4, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
-                             start=zeros(n, dtype=t.vec3), goal=zeros(n, dtype=t.vec3))
+                             start=zeros(n, dtype=t.vec3), way=zeros(n, dtype=t.vec3), lead=zeros(n, dtype=int),
+                             beta=wp.full(n, surfaces.beta, dtype=real, device=device), off=zeros(n, dtype=real))
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
@@ -78,6 +78,8 @@ class Near:
     def anew(self) -> None:
         """Clears what a frame that was given up has left."""
         self.frames.rigid.zero_()
+        self.frames.off.zero_()
+        self.frames.beta.fill_(self.surfaces.beta)
         words = self.words.numpy()
         words[:] = 0
         words[pairs.SOON], words[pairs.EPOCH], words[pairs.ROUNDS] = 1, self.epoch, self.rounds
@@ -100,7 +102,6 @@ class Near:
             return
         start = self.surfaces.start(self.model).astype(self.model.dtype)
         self.frames.start.assign(start)
-        self.frames.goal.assign(start)
         self._boxes()
         s = self.surfaces
         groups = [self.model.upload(s.world[each[:, 0]], int) for each in (s.triangles, s.edges)]
@@ -136,21 +137,22 @@ class Near:
             launch(self.fold, (out.shape[0], tubes.COLUMNS), [rows], [out])
         launch(self.fit, 1, [m[-1], fresh], [self.frames])
 
-    def search(self, at, ahead: float = AHEAD) -> None:
-        """Makes the list, along the paths that `at` holds, and so many times as far ahead."""
+    def search(self, at, most: int = tubes.LEAD, begins: int = 0) -> None:
+        """Makes the list, by what `at` holds, for so many substeps at most. begins 1: before the substep is solved."""
         launch, s, f = self.model.launch, self.surfaces, self.frames
         self.move(at, 1)
-        launch(self.axes, len(s.points), [s.data, at, ahead], [f])
+        launch(self.axes, len(s.points), [s.data, at, most, self.words], [f])
         self._boxes()
         self.pairs.count.zero_()
-        widest = s.thickness + s.data.radius
         for tree in filter(None, self.trees):
             tree.refit()
+        parts = search.PARTS if self.model.device.is_cuda else 1
         for kind, first, n, k in self._searches():
-            start = wp.vec2i(first, self.spans[k][1].start)
+            how = wp.vec4i(kind, first, self.spans[k][1].start, parts)
+            low = self.low[kind][self.spans[k][1]]
             if over := self.trees[k]:
-                launch(self.reach, n, [s.data, f, kind, start, over.id, self.root[k], widest], [self.pairs])
-        launch(self.listed, 1, [self.pairs.count], [self.words])
+                launch(self.reach, n * parts, [s.data, f, how, over.id, self.root[k], low, s.thickness], [self.pairs])
+        launch(self.listed, 1, [self.pairs.count, begins], [f, self.words])
 
     def look(self, at, stop: int = 0) -> None:
         """Looks whether points are in their tubes where the substep ends."""

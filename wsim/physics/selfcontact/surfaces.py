@@ -10,6 +10,7 @@ import warp as wp
 from wsim.geometry import topology
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs as kernels
+from wsim.kernels.selfcontact.tubes import LONG
 from wsim.model.structs import filled
 from wsim.physics.selfcontact import obstacles
 from wsim.physics.selfcontact.obstacles import Obstacles
@@ -64,6 +65,20 @@ class Surfaces:
         self.thickness = max(self.thickness, 0.5 * self.thickness + float(o.reach.max()))
         self.reach = np.concatenate([self.reach, o.reach])
 
+    def rub(self, path: str, column: int, value: float, world: int | None) -> bool:
+        """Friction of a body or a collider, static (column 0) or dynamic, in one world or all; False if neither is among these;
+        not captured."""
+        rows = [slice(b.first, b.last) for b in self.bodies if b.path == path and world in (None, b.world)]
+        met = self.obstacles
+        for o in met.each if met else ():
+            if met and met.contacts.rows.colliders[o.number].path == path:
+                rows += [slice(s, s + len(o.own)) for w, s in enumerate(met.places[id(o)]) if world in (None, w)]
+        values = self.data.friction.numpy()
+        for each in rows:
+            values[each, column] = value
+        self.data.friction.assign(values)
+        return bool(rows)
+
     def weigh(self, w: wp.array) -> None:
         """Inverse masses as they are now; not captured."""
         if self.obstacles:
@@ -105,7 +120,7 @@ class Surfaces:
             kernels.surfaces(model.real), w=self.w, point=model.upload(self.points, int),
             triangle=model.upload(self.triangles, wp.vec3i), edge=model.upload(self.edges, wp.vec2i),
             reach=model.upload(self.reach.astype(model.dtype), t.scalar), body=model.upload(body, int),
-            world=model.upload(self.world, int), beta=self.beta, radius=2.01 * self.beta, tied=int(model.alias is not None),
+            world=model.upload(self.world, int), beta=self.beta, longest=LONG * self.edge, tied=int(model.alias is not None),
             ulp=ULP[model.dtype], **{name: model.upload(values.astype(model.dtype), dtypes[name])
                                      for name, values in self._columns(model).items()})
 
