@@ -24,14 +24,14 @@ def test_a_draw_holds_and_without_self_collision_it_does_not():
 @pytest.mark.parametrize("k", range(21))
 def test_a_draw_begins_without_intersections_and_is_the_same_again(k):
     """All kinds in all frames; what is near 1 km away is rounded as a file rounds it."""
-    draw = Draw(k, "xpbd")
+    draw = Draw(k, "newton")
     places = [b.points.astype(np.float32).astype(np.float64) @ M[:3, :3].T + M[:3, 3]
               for b in draw.scene.bodies() for M in [b.motion.at(0.0)]]
     faces = [np.reshape(b.indices, (-1, 3)) for b in draw.scene.cloths]
     first = np.cumsum([0, *(len(p) for p in places)])
     assert not len(crossings(np.concatenate(places), np.concatenate([f + s for f, s in zip(faces, first, strict=False)]),
                              neighbours=False))
-    assert draw.kind == KINDS[k % 7] and draw.scene == drawn(k, "xpbd")
+    assert draw.kind == KINDS[k % 7] and draw.scene == drawn(k, "newton")
 
 
 def test_what_is_beyond_a_bound_fails():

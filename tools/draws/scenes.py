@@ -3,7 +3,7 @@
     drop       a sheet falls on a floor                        throw    two sheets meet at 20 m/s, and turn
     scrunch    all points of a sheet fly inwards               drape    a sheet on a mesh collider that goes and turns
     solids     a sheet on a ball, a box and a capsule          stack    three sheets at angles fall on each other on a floor
-    soft       a sheet between two soft blocks that meet at 8 m/s
+    soft       a sheet between two soft blocks that meet at 8 m/s; not by XPBD
 
 Prims (k mod 3): 0 those of the world; 1 turned, scaled (by 0.01 to 100, and by up to 2 along axes) and up to 1 km away with all
 that is near; 2 turned and scaled alike, their points up to 1 km from their origins. Of nine in a hundred (k mod 11 = 5) sheets
