@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tools.draws import __main__ as draws
+from tools.draws import row as draws
 from tools.draws.scenes import KINDS, Draw, drawn
 from wsim.physics.selfcontact.crossings import crossings
 from wsim.simulation.simulation import Simulation
