@@ -221,7 +221,7 @@ class SelfContact(Method):
         found: list[tuple[tuple, float, str]] = [(("self-contact", "start", k), 0.0, text) for k, text in enumerate(first)]
         if said[cut.CLOSE]:
             found.append((("self-contact", "close"), float(said[cut.CLOSE]), "{worst} pairs of surfaces began a substep "
-                          "intersecting or closer than what a file can tell apart; they are held as they are"))
+                          "intersecting or closer than what a file can tell apart; nothing is proven of them"))
         if said[cut.LOST] > LOSS:
             found.append((("self-contact", "cut"), float(said[cut.LOST]), "surfaces were about to pass through each other, and "
                           "a point lost {worst} % of its motion in a substep; give more substeps"))
