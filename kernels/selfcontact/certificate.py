@@ -87,8 +87,9 @@ def bounds(real):
 @cache
 def inspect(real, module):
     """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push; 1: `bad` of every pair where
-    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s, or than any end that was proven leaves
-    it, is let be (2): nothing of it can be proven, and what holds it is its contact. One kernel, since closest points and normals are most of what is compiled."""
+    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s, or
+    than any end that was proven leaves it, is let be (2): nothing of it can be proven, and what holds it is its contact. One
+    kernel, since closest points and normals are most of what is compiled."""
     vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)

@@ -24,8 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from tools.draws.row import held, tried  # noqa: E402
 from tools.draws.scenes import KINDS, SOLVERS, Draw  # noqa: E402
 
-HEAD = (f"{'draw':>5} {'kind':<8} {'prims':>5} {'points':>6} {'solver':<12} {'tested':>6} {'crossed':>7} {'proj':>4} {'cut':>4} "
-        f"{'held':>4} {'energy/s':>9} {'run':>4} {'gap/th':>7} {'strain':>7} {'momentum':>9} {'s':>6}")
+HEAD = (f"{'draw':>5} {'kind':<8} {'prims':>5} {'points':>6} {'solver':<12} {'tested':>6} {'crossed':>7} {'proj':>4} "
+        f"{'cut':>4} {'held':>4} {'energy/s':>9} {'run':>4} {'gap/th':>7} {'strain':>7} {'momentum':>9} {'s':>6}")
 
 
 def line(row: dict) -> str:

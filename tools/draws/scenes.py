@@ -117,7 +117,7 @@ class Draw:
     def scrunch(self) -> None:
         rng, (points, *faces) = self.rng, self.sheet()
         speed = rng.uniform(2.0, SPEED)
-        waves = sum(rng.normal(size=3)[None] * np.sin(points @ (rng.normal(size=3) * 9.0 / self.size) + rng.uniform(0, 6))[:, None]
+        waves = sum(np.outer(np.sin(points @ (rng.normal(size=3) * 9.0 / self.size) + rng.uniform(0, 6)), rng.normal(size=3))
                     for _ in range(4))
         self.cloth("/sheet0", points, faces, -speed * points / (0.5 * self.size) + 0.25 * speed * waves)
 

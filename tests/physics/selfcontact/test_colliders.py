@@ -133,7 +133,7 @@ def test_a_cloth_between_colliders_that_meet_stops_and_goes_on_once_they_part(so
     scene.gravity = (0.0, 0.0, 0.0)
     scene.collider("/over", cube(0.08), motion=goes((0.0, 0.2, 0.0), (0.0, 0.0, 0.0), 0.25))
     sim = run(scene)
-    with pytest.raises(SceneError, match=r"/cloth: point \d+ at \(.*\) m is pinched: /under and /over left .* frame \d was given up"):
+    with pytest.raises(SceneError, match=r"/cloth: point \d+ at \(.*\) m is pinched: /under and /over .* frame \d was"):
         sim.run(8)
     begun, before = sim.frame, sim.positions("/cloth")
     assert 2 <= begun < 8 and said(sim)["pinched"] > 0 and crossed(sim) == 0
