@@ -179,7 +179,7 @@ def _refine(sim: Simulation, part: str, row: int) -> None:
 
 
 def _stop(sim: Simulation, remedy: Remedy) -> NoReturn:
-    """The end of a frame that no step can finish; the simulation stands where it began, and may go on when it is set otherwise."""
+    """The end of a frame that no step can finish; the simulation stands where it began, and may go on, set otherwise."""
     from wsim.simulation.measure.diagnose import author
     sim.state.restore()
     path, where = author(sim.plan, remedy.part, remedy.row)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 THICK = 0.4            # thickness over the shortest edge from which neighbours on a flat cloth would be in contact
 STEPS = 8.0            # of rounding that a thickness takes, so that what is written keeps apart what is apart
-LITTLE = 64.0 * 2.0 ** -24               # of the size of all surfaces, that those which intersect keep: what proofs need, and more
+LITTLE = 64.0 * 2.0 ** -24   # of the size of all surfaces, that those which intersect keep: more than proofs need
 NAMED = 3              # places that are told
 
 
