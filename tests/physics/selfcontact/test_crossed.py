@@ -43,13 +43,6 @@ def through_jelly(found: Scene) -> None:
     found.cloth("/cloth", points, counts, indices, material=THIN, self_collision=True)
 
 
-def in_one_place(found: Scene) -> None:
-    """Thousands of points: 32 squares."""
-    for k in range(32):
-        points, counts, indices = shapes.sheet(0.4, 0.4, 8, 8, horizontal=True)
-        found.cloth(f"/cloth{k}", points, counts, indices, material=THIN, self_collision=True)
-
-
 @pytest.mark.parametrize("solver", solvers())
 def test_surfaces_that_start_crossed_fall_freely_and_gain_no_energy(solver):
     """Nothing else acts: their middle falls as all bodies do, and what they move beside it is a thousandth of what it takes to
@@ -99,13 +92,3 @@ def test_a_collider_that_starts_inside_a_cloth_throws_nothing(solver):
         sim.step()
         speed = max(speed, np.linalg.norm(sim.velocities(), axis=1).max())
     assert speed < 4.0 and [w for w in sim.warnings if "/cloth and /ball at (" in w]
-
-
-@pytest.mark.parametrize("solver", solvers("xpbd"))
-def test_thousands_of_points_in_one_place_stay_finite_and_are_told(solver):
-    scene = Scene(gravity=(0.0, -9.81, 0.0), fps=60.0, **solver)
-    in_one_place(scene)
-    sim = run(scene)
-    sim.run(2)
-    assert all(np.abs(sim.positions(b.path)).max() < 0.5 for b in sim.model.bodies) and energy(sim) < 30.0
-    assert [w for w in sim.warnings if "pairs of triangles intersect where surfaces start" in w]

@@ -196,6 +196,7 @@ class SelfContact(Method):
 
     def _pinched(self, said: np.ndarray) -> str:
         """What has no way out, in words."""
+        assert self.obstacles
         numbers = sorted({int(cut.MOST - said[cut.FORMER]), int(said[cut.LATTER]) - 1})
         names = " and ".join(self.obstacles.contacts.rows.colliders[n].path for n in numbers)
         return (f"is pinched: {names} left it no room, {said[cut.PINCHED]} pairs of surfaces, counted in each substep, had no "
