@@ -55,6 +55,15 @@ def bounds(real):
         return real(8.0) * s.ulp * (most + own + wp.max(one(p1), wp.max(one(p2), one(p3))))
 
     @wp.func
+    def still(s: Surfaces, ids: wp.vec4i, p1: t.vec3, p2: t.vec3, p3: t.vec3):
+        """The same where nothing moves: more is left of the gap of what was proven, by c of the substep before."""
+        o = ids[0]
+        most = real(0.0)
+        for k in range(1, 4):
+            most = wp.max(most, one(s.shift[ids[k]] - s.shift[o]))
+        return real(8.0) * s.ulp * (most + wp.max(one(p1), wp.max(one(p2), one(p3))))
+
+    @wp.func
     def between(kind: int, a1: real, a2: real, a3: real):
         """Least coefficient in the middle; a: n . R + m . r of points, the first point's being 0."""
         other = wp.max(a2, a3)
@@ -72,18 +81,19 @@ def bounds(real):
             return 1
         return 0
 
-    return written, rounding, between, meets
+    return written, rounding, still, between, meets
 
 
 @cache
 def inspect(real, module):
     """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push; 1: `bad` of every pair where
-    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s is let be (2): nothing of it can be
-    proven, and what holds it is its contact. One kernel, since closest points and normals are most of what is compiled."""
+    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s, or
+    than any end that was proven leaves it, is let be (2): nothing of it can be proven, and what holds it is its contact. One
+    kernel, since closest points and normals are most of what is compiled."""
     vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
-    written, rounding, between, meets = bounds(real)
+    written, rounding, still, between, meets = bounds(real)
     weights, least, normal = closest.weights(real), closest.gap(real), closest.normal(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -109,7 +119,7 @@ def inspect(real, module):
             c = real(2.0) * rounding(s, at, ids, p1, p2, p3)
             need = near.least[i] + c
             near.bad[i] = 0
-            if near.gap[i] < near.least[i] - c:
+            if near.gap[i] < wp.max(still(s, ids, p1, p2, p3), near.least[i] - c):
                 near.bad[i] = 2
                 wp.atomic_add(words, pairs.CLOSER, 1)
                 return

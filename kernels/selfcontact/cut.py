@@ -33,10 +33,11 @@ ROUNDS = 11
 # of its motion that a point lost; substeps in which all were cut; in which some were held; pairs that began too near, at most;
 # searches; points that were cut; 1: pairs are listed; pairs with colliders that are left without a proof, over all substeps;
 # the place of a point of one, and 1; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and of what was cut of it;
-# substeps running in which a point lost more than LOSS of its motion, at most and at the end
+# substeps running in which a point lost more than LOSS of its motion, at most and at the end; of the colliders of pairs that
+# are left without a proof the last, its number and 1, and the first, MOST less its number
 WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY, PINCHED, WHERE = range(13)
-MOVED, TAKEN, RUN, RUNNING = range(13, 17)
-SAID = 17
+MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER = range(13, 19)
+SAID, MOST = 19, 1 << 30
 LOSS = 0.05            # of its motion that a point may lose in a substep
 UNIT = 2.0 ** 56       # per kg m^2
 

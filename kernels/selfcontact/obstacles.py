@@ -83,18 +83,21 @@ def pick(real, module):
 @cache
 def pinched(real, module):
     """Kernel: counts the pairs of a collider that no cut has given a proof. first: place of the first point of a collider."""
-    Pairs = pairs.lists(real)
+    Surfaces, Pairs = pairs.surfaces(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def count_pinched(near: Pairs, first: int, words: wp.array(dtype=int), said: wp.array(dtype=int)):
+    def count_pinched(s: Surfaces, near: Pairs, first: int, words: wp.array(dtype=int), said: wp.array(dtype=int)):
         i = wp.tid()
         if i == 0:
             words[pairs.PINCH] = 0
         if i < wp.min(near.count[0], near.capacity) and near.bad[i] == 1:
             ids = near.ids[i]
             free = wp.min(ids[0], ids[3])
-            if wp.max(ids[0], ids[3]) >= first:
+            theirs = wp.max(ids[0], ids[3])
+            if theirs >= first:
                 wp.atomic_add(said, cut.PINCHED, 1)
+                wp.atomic_max(said, cut.LATTER, -s.body[theirs])
+                wp.atomic_max(said, cut.FORMER, cut.MOST + 1 + s.body[theirs])
                 wp.atomic_max(said, cut.WHERE, free + 1)
 
     return count_pinched

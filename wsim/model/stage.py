@@ -140,6 +140,7 @@ class Remedy:
     refine    more substeps; `row` of `part` is not finite
     grow      `act` makes room for what overflowed, and says so in words ("" if nothing was lacking)
     give way  an integrator that needs small residuals goes on as backward Euler; `why` where it is not for a residual
+    stop      no other step would do: the frame is given up, the simulation stands where it began, and `why` is said of `row`
     meet      contacts: a point could reach a collider in a frame that had none
     """
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from wsim.simulation import plan as plans
 from wsim.simulation.duration import duration
 
 if TYPE_CHECKING:
+    from wsim.model.stage import Remedy
     from wsim.model.state import Part, State
     from wsim.simulation.simulation import Simulation
 
@@ -66,6 +67,9 @@ def mend(sim: Simulation) -> bool:
         sim.plan.clock.free = False
         sim.forms["repeated"] += 1
         return True
+    for remedy in said:
+        if remedy.kind == "stop":
+            _stop(sim, remedy)
     if "refine" in kinds and _lost(sim):
         return True
     if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and _switch(sim):
@@ -172,6 +176,15 @@ def _refine(sim: Simulation, part: str, row: int) -> None:
     clock.substeps *= 2
     sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {path} stopped being a number; repeated with "
                         f"{clock.steps} substeps, which stay")
+
+
+def _stop(sim: Simulation, remedy: Remedy) -> NoReturn:
+    """The end of a frame that no step can finish; the simulation stands where it began, and may go on, set otherwise."""
+    from wsim.simulation.measure.diagnose import author
+    sim.state.restore()
+    path, where = author(sim.plan, remedy.part, remedy.row)
+    place = ", ".join(f"{x:.4g}" for x in sim.state.x.numpy()[remedy.row] + sim.model.body(path).origin)
+    raise SceneError(Problem(path, f"point {where} at ({place}) m {remedy.why}; frame {sim.frame + 1} was given up"))
 
 
 def _switch(sim: Simulation) -> bool:

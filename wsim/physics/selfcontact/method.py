@@ -67,7 +67,7 @@ class SelfContact(Method):
         self.total = np.zeros(cut.SAID, np.int64)
         self.frames = self.repeats = self.run = 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
-        self.often, self.fresh, self.busy = False, True, True
+        self.often, self.fresh, self.busy, self.stopped = False, True, True, False
         self.within = within = b.choice.solver == "xpbd"
         self.sweeps = SWEEPS if within else BEHIND
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
@@ -167,7 +167,7 @@ class SelfContact(Method):
     # around a frame
 
     def enter(self, clock: Clock) -> None:
-        self.often, self.fresh = False, True
+        self.often, self.fresh, self.stopped = False, not self.stopped, False
         self.apart.enter(clock, self.busy)
 
     def before_frame(self, time: float, clock: Clock) -> None:
@@ -189,11 +189,23 @@ class SelfContact(Method):
             return [Remedy("meet")] if self.busy or wanted else []
         if wanted:
             return [Remedy("grow", lambda: self.grow(wanted))]
-        if said[cut.LOST] > LOSS and not self.often:
+        if (said[cut.LOST] > LOSS or said[cut.PINCHED]) and not self.often:
             self.often = True
             self.repeats += 1
             return [Remedy("grow")]
+        if said[cut.PINCHED] and (self.model.worlds == 1 or self.clock.apart):
+            self.total[cut.PINCHED] += said[cut.PINCHED]
+            self.stopped = True
+            return [Remedy("stop", part="points", row=int(said[cut.WHERE]) - 1, why=self._pinched(said))]
         return []
+
+    def _pinched(self, said: np.ndarray) -> str:
+        """What has no way out, in words."""
+        assert self.obstacles
+        numbers = sorted({int(cut.MOST - said[cut.FORMER]), int(said[cut.LATTER]) - 1})
+        names = " and ".join(self.obstacles.contacts.rows.colliders[n].path for n in numbers)
+        return (f"is pinched: {names} left it no room, {said[cut.PINCHED]} pairs of surfaces, counted in each substep, had no "
+                "way out; give more room there, or a smaller thickness")
 
     def grow(self, wanted: int) -> str:
         before = self.near.pairs.capacity
@@ -215,7 +227,7 @@ class SelfContact(Method):
         found: list[tuple[tuple, float, str]] = [(("self-contact", "start", k), 0.0, text) for k, text in enumerate(first)]
         if said[cut.CLOSE]:
             found.append((("self-contact", "close"), float(said[cut.CLOSE]), "{worst} pairs of surfaces began a substep "
-                          "intersecting or closer than what a file can tell apart; they are held as they are"))
+                          "intersecting or closer than what a file can tell apart; nothing is proven of them"))
         if said[cut.LOST] > LOSS:
             found.append((("self-contact", "cut"), float(said[cut.LOST]), "surfaces were about to pass through each other, and "
                           "a point lost {worst} % of its motion in a substep; give more substeps"))

@@ -53,5 +53,6 @@ class Pinch:
         near = self.near
 
         def count() -> None:
-            self.model.launch(self.count, near.pairs.capacity, [near.pairs, self.obstacles.first], [near.words, said])
+            inputs = [near.surfaces.data, near.pairs, self.obstacles.first]
+            self.model.launch(self.count, near.pairs.capacity, inputs, [near.words, said])
         wp.capture_if(near.word(pairs.PINCH), count)

@@ -16,13 +16,17 @@ if TYPE_CHECKING:
 
 THICK = 0.4            # thickness over the shortest edge from which neighbours on a flat cloth would be in contact
 STEPS = 8.0            # of rounding that a thickness takes, so that what is written keeps apart what is apart
+LITTLE = 64.0 * 2.0 ** -24   # of the size of all surfaces, that those which intersect keep: more than proofs need
 NAMED = 3              # places that are told
 
 
 def reports(surfaces: Surfaces) -> list[str]:
-    """Warnings about the surfaces of the first world, by prim path, each with what would do."""
+    """Warnings about the surfaces of the first world, by prim path, each with what would do. Where surfaces intersect they keep
+    little more than rounding apart from here on: points of either side are on both sides of the other, and a thickness would
+    push against itself, without end."""
     bodies = [b for b in surfaces.bodies if b.world == 0]
-    return [*_crossed(bodies, surfaces), *(text for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces)))]
+    found = [text for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces))]
+    return [*_crossed(bodies, surfaces), *found]
 
 
 def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[str]:
@@ -38,11 +42,13 @@ def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[str]:
     found = crossings(x, triangles, neighbours=False, own=own)
     if not len(found):
         return []
+    crossed = np.concatenate([b.triangles for b in bodies])[np.unique(found[found < own])]
+    surfaces.flatten(crossed, LITTLE * float(np.ptp(x, axis=0).max()))
     of = np.searchsorted(first, triangles[:, 0], side="right") - 1
     where = [f"{names[of[s]]} and {names[of[t]]} at ({', '.join(f'{v:.4g}' for v in place)}) m"
              for s, t in found[:NAMED] for place in [x[triangles[[s, t]]].mean(axis=(0, 1)) + bodies[0].origin]]
-    return [f"{len(found)} pairs of triangles intersect where surfaces start, such as {'; '.join(where)}: they are held as "
-            "they are, and nothing is proven of them; move them apart there"]
+    return [f"{len(found)} pairs of triangles intersect where surfaces start, such as {'; '.join(where)}: they keep no "
+            "thickness there, and stay crossed where nothing takes them apart; move them apart there"]
 
 
 def _thick(body: Body, surfaces: Surfaces) -> list[str]:

@@ -124,6 +124,16 @@ class Surfaces:
             ulp=ULP[model.dtype], **{name: model.upload(values.astype(model.dtype), dtypes[name])
                                      for name, values in self._columns(model).items()})
 
+    def flatten(self, crossed: np.ndarray, reach: float) -> None:
+        """Triangles of the first world, (k, 3), and all around them, get a half thickness [m], in every world."""
+        first = {b.path: b.first for b in self.bodies if b.world == 0}
+        near = self.triangles[:self.free["triangles"]]
+        lost = np.unique(near[np.isin(near, crossed).any(axis=1)])
+        for b in self.bodies:
+            own = lost[(lost >= first[b.path]) & (lost < first[b.path] + b.count)]
+            self.reach[own - first[b.path] + b.first] = reach
+        self.data.reach.assign(self.reach.astype(self.data.reach.numpy().dtype))
+
     def start(self, model: Model) -> np.ndarray:
         """Where all points begin, from the origin that surfaces share [m], (total, 3)."""
         own = np.concatenate([b.places + (b.origin - self.base) for b in model.bodies])
