@@ -17,7 +17,6 @@ from wsim.kernels.selfcontact.tubes import frames
 
 REST = 0.4
 ROUND = 1.005          # of tubes, for rounding
-PARTS = 8              # threads that share a search on a GPU: one alone waits for memory, box after box
 
 
 @cache
@@ -142,45 +141,15 @@ def listing(real):
 
 @cache
 def reach(real, module):
-    """Kernel: points against triangles, or edges against edges of a greater number. how: kind; first of the points (edges), and
-    of the triangles (edges) of the tree; PARTS, or 1, threads that share what one of them looks at. tree, root, low: of the
-    boxes of the latter, its nodes by world, and their low corners.
-
-    Each thread looks into one octant, and takes boxes whose common part with the whole begins there: each is taken once."""
+    """Kernel: points against triangles, or edges against edges of a greater number. start: of the first of the points (edges),
+    and of the triangles (edges) of the tree; tree, root: of the boxes of these, and its nodes by world."""
     Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
     append, tube = listing(real), tube_of(real)
 
-    @wp.func
-    def upper(part: int, axis: int):
-        return (part >> axis) & 1
-
-    @wp.func
-    def mine(part: int, parts: int, middle: wp.vec3f, begins: wp.vec3f):
-        """Whether a place is in the octant."""
-        found = int(0)
-        for a in range(3):
-            if begins[a] >= middle[a]:
-                found += 1 << a
-        return parts == 1 or found == part
-
-    @wp.func
-    def pair(s: Surfaces, kind: int, own: int, k: int, a: int, b: int):
-        """Points of a pair; the first four times where it is none."""
-        ids = wp.vec4i(a, a, a, a)
-        if kind == closest.POINT:
-            c = s.triangle[k]
-            ids = wp.vec4i(a, c[0], c[1], c[2])
-        elif k > own:
-            e = s.edge[k]
-            ids = wp.vec4i(a, b, e[0], e[1])
-        return ids
-
     @wp.kernel(module=module, enable_backward=False)
-    def search_pairs(s: Surfaces, f: Frames, how: wp.vec4i, tree: wp.uint64, root: wp.array(dtype=int),
-                     low: wp.array(dtype=wp.vec3f), widest: float, near: Pairs):
-        kind, parts = how[0], how[3]
-        own = how[1] + wp.tid() / parts
-        part = wp.tid() % parts
+    def search_pairs(s: Surfaces, f: Frames, kind: int, start: wp.vec2i, tree: wp.uint64, root: wp.array(dtype=int),
+                     widest: float, near: Pairs):
+        own = start[0] + wp.tid()
         a, b = int(0), int(0)
         if kind == closest.POINT:
             a = s.point[own]
@@ -191,25 +160,21 @@ def reach(real, module):
         a0, a1 = tube(f, a)
         b0, b1 = tube(f, b)
         more = wp.vec3f(widest, widest, widest)
-        under = wp.min(a0, b0) - more
-        over = wp.max(a1, b1) + more
-        middle = 0.5 * (under + over)
-        first = under
-        last = over
-        if parts > 1:
-            for axis in range(3):
-                if upper(part, axis) == 1:
-                    first[axis] = middle[axis]
-                else:
-                    last[axis] = middle[axis]
+        low = wp.min(a0, b0) - more
+        high = wp.max(a1, b1) + more
         leaf = int(0)
-        query = wp.bvh_query_aabb(tree, first, last, root[s.world[a]])
+        query = wp.bvh_query_aabb(tree, low, high, root[s.world[a]])
         while wp.bvh_query_next(query, leaf):
-            if mine(part, parts, middle, wp.max(under, low[leaf])):
-                ids = pair(s, kind, own, how[2] + leaf, a, b)
-                apart = ids[2] != a and ids[3] != a and ids[1] != ids[2] and ids[1] != ids[3]
-                if apart and (kind == closest.EDGES or ids[1] != a):
-                    append(s, f, kind, ids, near)
+            k = start[1] + leaf
+            ids = wp.vec4i(a, a, a, a)
+            if kind == closest.POINT:
+                c = s.triangle[k]
+                ids = wp.vec4i(a, c[0], c[1], c[2])
+            elif k > own:
+                e = s.edge[k]
+                ids = wp.vec4i(a, b, e[0], e[1])
+            if ids[2] != a and ids[3] != a and ids[1] != ids[2] and ids[1] != ids[3] and (kind == closest.EDGES or ids[1] != a):
+                append(s, f, kind, ids, near)
 
     return search_pairs
 

@@ -146,12 +146,10 @@ class Near:
         self.pairs.count.zero_()
         for tree in filter(None, self.trees):
             tree.refit()
-        parts = search.PARTS if self.model.device.is_cuda else 1
         for kind, first, n, k in self._searches():
-            how = wp.vec4i(kind, first, self.spans[k][1].start, parts)
-            low = self.low[kind][self.spans[k][1]]
+            start = wp.vec2i(first, self.spans[k][1].start)
             if over := self.trees[k]:
-                launch(self.reach, n * parts, [s.data, f, how, over.id, self.root[k], low, s.thickness], [self.pairs])
+                launch(self.reach, n, [s.data, f, kind, start, over.id, self.root[k], s.thickness], [self.pairs])
         launch(self.listed, 1, [self.pairs.count, begins], [f, self.words])
 
     def look(self, at, stop: int = 0) -> None:
