@@ -10,9 +10,6 @@ tried, a fourth, an eighth; where there are too many even so it is none: the tre
 
 Faces stand by their distances D from q, ascending, and are read as long as D - |q1 - q| is within what is looked for.
 
-In overlaps the side follows from the winding number, which costs a hundred times as much. It is asked for once: while the mesh
-keeps its shape, the side is another only where the straight way from there crosses a face, and those that it could are listed.
-
 List and tree give the same faces to the same rule, so the bits do not depend on where lists were made: the nearest face, of
 equal ones the first; the side by the angle-weighted normals (Baerentzen, Aanaes 2005) of all faces as near as it, as Warp's
 mesh_query_point_sign_normal weighs them; the first face of a ray. A face alone under a point's inside needs no weighing.
@@ -29,9 +26,10 @@ import warp as wp
 
 from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, normal, part, reading, settled, toward
 from wsim.kernels.contact.project import tables
-from wsim.kernels.math.face import FAR, SLACK, away, box, edge_length, nearer, sooner, through, weighted
+from wsim.kernels.math.face import FAR, SLACK, away, box, edge_length, nearer, sooner, weighted
 from wsim.kernels.math.real import types
 
+MOST = 128             # faces of a list: one with more is no faster than the tree
 AHEAD = 2.0            # of the motion that a point would have until its list ends, at the speed that it has when it is made
 HALVES = 3             # tries with less to spare
 
@@ -72,12 +70,10 @@ def make(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, radius: float, mo
 
 @wp.func
 def ends(L: Any, i: int, k: int):
-    """Ends the lists of a point that others follow, and what was known of a frame before."""
+    """Ends the lists of a point that others follow."""
     if k % L.every == 0:
         for s in range(L.count.shape[0] // L.w.shape[0]):
             L.radius[s * L.w.shape[0] + i] = float(-1.0)
-            if k == 0:
-                L.sign[s * L.w.shape[0] + i] = float(0.0)
 
 
 @wp.func
@@ -108,7 +104,7 @@ def refresh(real):
                 spare *= float(0.5)
                 tries += 1
             if L.count[at] > L.room:
-                wp.atomic_max(L.wanted, 0, L.count[at])
+                wp.atomic_max(L.wanted, 0, wp.min(L.count[at], MOST))
 
     return refresh
 
@@ -182,45 +178,6 @@ def hit(mesh: wp.uint64, L: Any, s: int, i: int, start: wp.vec3f, way: wp.vec3f,
     return first
 
 
-@wp.func
-def kept(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f):
-    """Whether q is on the side that `told` is on: the list has all faces that could lie between, and none does."""
-    at = s * L.w.shape[0] + i
-    same = bool(L.sign[at] != float(0.0) and wp.length(L.told[at] - L.place[at]) <= L.radius[at])
-    if same:
-        last = within(L, at, q, wp.length(q - L.told[at]))
-        for j in range(L.count[at]):
-            of = (s * L.room + j) * L.w.shape[0] + i
-            if L.far[of] > last:
-                break
-            if through(mesh, L.face[of], L.told[at], q):
-                same = False
-    return same
-
-
-@wp.func
-def inside(mesh: wp.uint64, L: Any, row: int, i: int, q: wp.vec3f, depth: float):
-    """(face, sign) of a point that may be deep inside, no further than `depth` from the surface."""
-    s = L.slot[row]
-    at = s * L.w.shape[0] + i
-    face = int(-1)
-    known = bool(L.still[row] != 0 and L.count[at] <= L.room)
-    if known:
-        face, near = nearest(mesh, L, s, i, q, depth)
-        known = near <= L.radius[at] - wp.length(q - L.place[at])
-    if known:
-        known = kept(mesh, L, s, i, q)
-    if not known:
-        face = -1
-        L.sign[at] = float(1.0)
-        L.told[at] = q
-        wound = wp.mesh_query_point_sign_winding_number(mesh, q, depth)
-        if wound.result:
-            face = wound.face
-            L.sign[at] = wound.sign
-    return face, L.sign[at]
-
-
 @cache
 def touch_listed(kinds: tuple[str, ...], real):
     """Function (c, L, row, i, deep, ends, reach: r and margin) -> (C, n, p, s0, slip) of a point that goes from ends[0] to
@@ -246,7 +203,10 @@ def touch_listed(kinds: tuple[str, ...], real):
             face, near = nearest(mesh, L, s, i, q, most)
         if has_solid:
             if kind == SOLID and deep != 0:
-                face, sign = inside(mesh, L, row, i, q, wp.max(most, float(c.size[row][0])))
+                wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(most, float(c.size[row][0])))
+                if wound.result:
+                    face = wound.face
+                    sign = wound.sign
         if face >= 0:
             what, first = part(corners(mesh, face, 0), q1)
             X = corners(mesh, face, first)

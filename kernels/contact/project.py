@@ -89,9 +89,6 @@ def tables(real):
         radius: wp.array(dtype=float)             # R [m]; < 0: there is no list, (slots * points,)
         face: wp.array(dtype=int)                 # face j of slot s and point i at (s * room + j) * points + i
         far: wp.array(dtype=float)                # D, less what the mesh may move [m]
-        still: wp.array(dtype=int)                # 1: the mesh keeps its shape, (rows,)
-        told: wp.array(dtype=wp.vec3f)            # where the winding number was asked for [m], (slots * points,)
-        sign: wp.array(dtype=float)               # what it said; 0: nothing
 
     return Rows, Points
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact import candidates, collide
+from wsim.kernels.contact import collide
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, read, slots, tables
 from wsim.kernels.math.real import types
@@ -154,7 +154,9 @@ def against(kinds: tuple[str, ...], real, listed: bool = False):
     substep k. They have a contact where C < margin; n and way are found only there. listed: faces of meshes by lists."""
     t, (shapes, meshes), (Rows, Points) = types(real), collide.split(kinds), tables(real)
     touch, (inside, outside) = collide.touch(shapes if listed else kinds, real), frames(real)
-    among, refresh = candidates.touch_listed(meshes, real), candidates.refresh(real)
+    if listed:
+        from wsim.kernels.contact import candidates
+        among, refresh = candidates.touch_listed(meshes, real), candidates.refresh(real)
 
     @wp.func
     def against(c: Rows, points: Points, at: wp.vec3i, deep: int, x: t.vec3, d: t.vec3):
@@ -192,6 +194,8 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
     Rows, Points = tables(real)
     Slots, Read, meet, near = slots(real), read(real), against(kinds, real, listed), ahead(real) if broad else None
     vectors = wp.array(dtype=t.vec3)
+    if listed:
+        from wsim.kernels.contact.candidates import ends
 
     @wp.func
     def keep(s: Slots, j: int, row: int, n: t.vec3, b: real, u: t.vec3, push_out: vectors):
@@ -208,7 +212,7 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
         count, mark, carried = int(0), int(0), t.vec3()
         deep = c.deep[0] | (s.mark[i] & SUNK)
         if listed:
-            candidates.ends(points, i, k)
+            ends(points, i, k)
         if points.w[i] > real(0.0):
             o, x0, d0 = points.object[i], at.x[i], at.d[i]
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin

@@ -10,7 +10,6 @@ import warp as wp
 
 FAR = 1.0e30           # distance of a face that has no area
 SLACK = 1.0e-6         # of places, that boxes about them are larger by
-OPEN = 1.0e-6          # of lengths, that a way through a face may be off by
 
 
 @wp.func_native("return wp::closest_point_to_triangle(a, b, c, q);")
@@ -109,21 +108,3 @@ def sooner(mesh: wp.uint64, face: int, start: wp.vec3f, way: wp.vec3f, t: float,
     if found >= float(0.0) and (found < t or (found == t and face < first)):
         return found, face
     return t, first
-
-
-@wp.func
-def through(mesh: wp.uint64, face: int, a: wp.vec3f, b: wp.vec3f):
-    """Whether the way from a to b goes through a face, or by so near an edge that rounding leaves it open."""
-    X = corners_of(mesh, face)
-    way = b - a
-    e = X[0] - a
-    f = X[1] - a
-    g = X[2] - a
-    u = wp.dot(way, wp.cross(f, g))
-    v = wp.dot(way, wp.cross(g, e))
-    w = wp.dot(way, wp.cross(e, f))
-    room = OPEN * wp.length(way) * (wp.length_sq(e) + wp.length_sq(f) + wp.length_sq(g))
-    n = wp.cross(X[1] - X[0], X[2] - X[0])
-    off = OPEN * wp.length(n) * (wp.length(e) + wp.length(f))
-    passes = wp.min(wp.min(u, v), w) >= -room or wp.max(wp.max(u, v), w) <= room
-    return passes and not (wp.min(wp.dot(n, e), wp.dot(n, X[0] - b)) > off or wp.max(wp.dot(n, e), wp.dot(n, X[0] - b)) < -off)

@@ -38,7 +38,6 @@ from wsim.kernels.contact.collide import split
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import read, slots, tables
 from wsim.kernels.contact.shape import distance
-from wsim.kernels.math.face import away as face_away
 from wsim.kernels.math.real import types
 
 FREE = 1.0e30          # [m] of a point that has no contacts
@@ -102,6 +101,8 @@ def away(kinds: tuple[str, ...], real):
     meshes may hold it from the start."""
     t, (convex, meshes), Rows, Movements = types(real), split(kinds), tables(real)[0], movements(real)
     shaped, meshed, formula, nearest = bool(convex), bool(meshes), distance(convex), mesh.nearest(meshes)
+    if meshes:
+        from wsim.kernels.math.face import away as face_away
 
     @wp.func
     def away(c: Rows, m: Movements, row: int, T0: t.transform, deep: int, x: t.vec3):

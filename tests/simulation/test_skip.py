@@ -92,6 +92,7 @@ MODULES = {
     "cape": SCENE | RUN | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED,
     "tablecloth": SCENE | RUN | WEIGHED | LEAP | FUSED | WHOLE | CONTACT,
     "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | room("geometry", "tetra.lattice")       # of what starts inside a mesh
+    | room("kernels", "math.face")                             # distances of its dummy's triangles
     | room("physics.fused", "stiff_few"),                      # its slivers, with whose mass leapfrog is weighed
 }
 scenes = pytest.mark.parametrize("name", KERNELS)

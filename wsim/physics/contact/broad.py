@@ -13,9 +13,10 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.contact import search as kernels
+from wsim.kernels.contact.candidates import MOST
 from wsim.physics.contact.colliders import Rows
 
-ROOM, MOST = 16, 128    # faces of a list, at first and at last: one with more is no faster than the tree
+ROOM = 16              # faces of a list at first; MOST at last
 EVERY = 32             # substeps of a list. H100, the shirt on its dummy, 1122 substeps a frame, ms: 8 69.8, 32 65.1, 128 73.5;
                        # without lists 94.1
 
@@ -75,8 +76,6 @@ def listed(contacts, module: str) -> None:
     p.every, p.slot = EVERY, wp.array(slot, dtype=int, device=device)
     p.count, p.place = (wp.zeros(size, dtype=kind, device=device) for kind in (int, wp.vec3f))
     p.radius = wp.full(size, -1.0, dtype=float, device=device)
-    p.still = wp.array([int(not (m and m.moves)) for m in (rows.meshes[k] for k in rows.collider)], dtype=int, device=device)
-    p.told, p.sign = (wp.zeros(size, dtype=kind, device=device) for kind in (wp.vec3f, float))
     p.wanted = wp.zeros(1, dtype=int, device=device)
     roomier(p, ROOM)
     contacts.search_kernel = kernels.search(contacts.kinds, contacts.real, module, contacts.tree is not None, True)

@@ -10,7 +10,6 @@ import numpy as np
 from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.vjp import beside
-from wsim.physics.contact import broad
 from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
@@ -98,7 +97,8 @@ class Contact(Method):
         """What explicit steps have, which are many and short."""
         if self.movers is None:
             self.contacts.smooth(self.model.scene, explicit)
-        if explicit and not self.model.gradients:
+        if explicit and self.contacts.meshes and not self.model.gradients:
+            from wsim.physics.contact import broad
             broad.listed(self.contacts, self.model.module)
 
     def part(self, clearance) -> None:
@@ -181,9 +181,10 @@ class Contact(Method):
             return f"a point touches {wanted} colliders at once, more than there was room for" if grown else ""
 
         def lists() -> str:
-            grown = broad.roomier(points, faces)
+            from wsim.physics.contact.broad import roomier
+            grown = roomier(points, faces)
             return f"{faces} faces of meshes are near a point, more than there was room for" if grown else ""
-        return [Remedy("grow", act) for act, some in ((grow, wanted), (lists, min(faces, broad.MOST) > points.room)) if some]
+        return [Remedy("grow", act) for act, some in ((grow, wanted), (lists, faces > points.room)) if some]
 
     def resumed(self, time: float) -> None:
         self.contacts.time = time
