@@ -101,6 +101,7 @@ class Work:
         self.v = self.before = sim.state.v.numpy().astype(float)
         if self.blows or self.motion:
             sim._replay = self.frame                              # type: ignore[method-assign]
+            sim.model.fuser = None                                # substeps launched one by one, whose bits are the same
 
     def steps(self) -> bool:
         """Whether positions are there after every substep."""

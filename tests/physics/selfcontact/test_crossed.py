@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.selfcontact.rig import THIN, run, said, solvers
-from wsim.scene import Scene, Surface, shapes
+from wsim.scene import Scene, SceneError, Surface, shapes
 
 
 def energy(sim) -> float:
@@ -81,7 +81,16 @@ def test_a_cloth_through_a_soft_body_stays_calm(solver):
     assert energy(sim) < 1e-5 and [w for w in sim.warnings if "/cloth and /jelly at (" in w]
 
 
-@pytest.mark.parametrize("solver", solvers("xpbd", "newton", "leapfrog"))
+def test_leapfrog_says_that_a_collider_inside_a_cloth_leaves_it_no_room():
+    scene = Scene(gravity=(0.0, 0.0, 0.0), fps=60.0, solver="explicit", integrator="leapfrog", substeps=40)
+    around(scene)
+    sim = run(scene)
+    with pytest.raises(SceneError, match="/cloth.*is pinched: /ball left it no room"):
+        sim.run(8)
+    assert np.isfinite(sim.positions()).all()
+
+
+@pytest.mark.parametrize("solver", solvers("xpbd", "newton"))
 def test_a_collider_that_starts_inside_a_cloth_throws_nothing(solver):
     """Points are pushed out at 0.5 m/s, and their neighbours are taken along."""
     scene = Scene(gravity=(0.0, 0.0, 0.0), fps=60.0, **solver)

@@ -162,12 +162,12 @@ def test_newtons_steps_of_a_soft_body_are_as_many_as_the_wanted_error_takes():
     assert error(found.choice.steps) <= scene.error < error(found.choice.steps - 1)
 
 
-def test_a_gpu_takes_bdf2_for_a_cloth_whose_sweeps_err_by_more():
-    """Hanging cloth on an H100: XPBD 56 x 2 8.7 ms a frame and 26 mm after half a second, BDF2 of 32 x 2 17 ms and 1 mm."""
+def test_a_gpu_takes_leapfrog_for_a_sheet_that_its_blocks_share():
+    """Hanging cloth on an H200: XPBD 56 x 2 8.7 ms a frame and 26 mm after half a second, leapfrog 3.5 ms and 0.5 um."""
     model = models.build(load("scenes/hanging_cloth.usda"), 1, wp.get_device("cpu"), wp.float32)
     constrain(model)
     model.device = SimpleNamespace(is_cuda=True, arch=90, sm_count=132)
     found = choose(model)
-    assert (found.solver, found.integrator.name, found.iterations) == ("implicit", "bdf2", 1)
-    assert found.error < 0.2 * model.scene.error and cost.iterated(model)
+    assert (found.solver, found.integrator.name) == ("explicit", "leapfrog")
+    assert found.error < 0.2 * model.scene.error
     assert cost.seconds(model, cost.frame(model, found)) < 12e-3

@@ -65,6 +65,7 @@ class Fuser:
         self.word = wp.zeros(1, dtype=int, device=model.device)
         self.phases, self.launched = 0, 0        # phases of a substep; launches of many substeps so far
         self.within: set = set()                 # kernels that it consists of
+        self.apart: list = []                    # those of them that are not compiled by themselves
         self.teams: dict[Any, Abreast] = {}      # CPU threads of a kernel
         self.sent: dict[tuple, tuple] = {}       # and what they are sent to, by form of a frame
 
@@ -96,6 +97,8 @@ class Fuser:
             self.within |= {op.kernel for op in steps[a] if found}
             self.model.recorder.ops += [op for k, step in enumerate(steps) if not (found and a <= k < b) for op in step]
             return
+        if not found:
+            self.ready()
         for step in steps[:a]:
             _launch(step)
         if found:
@@ -111,6 +114,13 @@ class Fuser:
         for step in steps[b:]:
             _launch(step)
 
+    def ready(self) -> None:
+        """Compiles kernels that were moved out, where they are launched after all: by a report, or in another number."""
+        if self.apart:
+            from wsim.model import kernel_cache
+            kernel_cache.ready(self.apart.pop(), self.model)       # with all of its module
+            self.apart.clear()
+
     def move_out(self, launched: set) -> None:
         """Takes kernels that are only parts of others out of a CPU's module: they need not be compiled by themselves."""
         module, other = (wp.get_module(self.model.module + end) for end in ("", "_apart"))
@@ -120,6 +130,7 @@ class Fuser:
                 module.mark_modified()
                 kernel.module = other
                 other.register_kernel(kernel)
+                self.apart.append(kernel)
 
     def fly(self, kernel, given: list, shape: Shape, count: int) -> None:
         """Launches a kernel of so many substeps."""
