@@ -13,7 +13,7 @@ have come; then they share the steps that are left. Helpers that are late or mis
 import warp as wp
 
 from wsim.kernels.motion import threads
-from wsim.kernels.motion.threads import OPEN, TEXTS, teams
+from wsim.kernels.motion.threads import ENTER, OPEN, TEXTS, teams
 
 NUMBERS = {name: value for name, value in vars(threads).items() if isinstance(value, int)}
 JOIN = """
@@ -21,17 +21,8 @@ JOIN = """
     unsigned frame = 0;
 """ + OPEN + """
     if (team.call >= 0) return 0;
-    until([&] {{
-        unsigned door = look({DOOR});
-        if ((int)(door & 63) < team.count - 1 && look({CALL}) == (unsigned)-team.call
-                && __atomic_compare_exchange_n(desk, &door, door + 1, false, __ATOMIC_ACQ_REL, __ATOMIC_RELAXED)) {{
-            frame = door >> 6;
-            rank = 1 + (door & 63);
-        }}
-        return rank > 0;
-    }}, {PATIENCE});
+""" + ENTER + """
     if (rank == 0) return -1;
-    until([&] {{ return look({DOOR}) >> 6 != frame || (look({DOOR}) & 63) == {SHUT}; }}, {NEVER});
     return look({FORMED}) == frame ? rank : -1;
 """
 MEET = """

@@ -56,8 +56,8 @@ WALK = """
     int rank = 0, walkers = 1, t = 0, stalls = 0, leg[4] = {{0, blocks, blocks, blocks}};
     unsigned frame = 0;
 """
-JOIN = """
-    if (team.call < 0) {{
+# A helper looks for an open door, and waits behind it until it is shut, or another frame has begun; rank 0: it found none.
+ENTER = """
         until([&] {{
             unsigned door = look({DOOR});
             if ((int)(door & 63) < team.count - 1 && look({CALL}) == (unsigned)-team.call
@@ -67,8 +67,12 @@ JOIN = """
             }}
             return rank > 0;
         }}, {PATIENCE});
+        if (rank > 0) until([&] {{ return look({DOOR}) >> 6 != frame || (look({DOOR}) & 63) == {SHUT}; }}, {NEVER});
+"""
+JOIN = """
+    if (team.call < 0) {{
+""" + ENTER + """
         if (rank == 0) return;
-        until([&] {{ return look({DOOR}) >> 6 != frame || (look({DOOR}) & 63) == {SHUT}; }}, {NEVER});
         if (look({FORMED}) != frame) return;
         t = look({FROM});
         walkers = team.count;
