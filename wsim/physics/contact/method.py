@@ -183,7 +183,7 @@ class Contact(Method):
         def lists() -> str:
             from wsim.physics.contact.broad import roomier
             grown = roomier(points, faces)
-            return f"{faces} faces of meshes are near a point, more than there was room for" if grown else ""
+            return f"at least {faces} faces of meshes are near a point, more than there was room for" if grown else ""
         return [Remedy("grow", act) for act, some in ((grow, wanted), (lists, faces > points.room)) if some]
 
     def resumed(self, time: float) -> None:
