@@ -1,4 +1,4 @@
-"""How the blocks of kernels/fused/sheet.py wait for each other and send each other places, in CUDA (sm_90 and up).
+"""Meetings of the blocks of kernels/fused/sheet.py, and places that they send each other, in CUDA (sm_90 and up).
 
     a cluster  stores into another block's shared memory, which count on its barrier (st.async, mbarrier: PTX ISA 8.1): a block
                waits for its threads and its neighbours, 0.25 us instead of the 0.8 that a barrier of 16 blocks takes (H100)

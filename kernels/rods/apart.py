@@ -25,7 +25,7 @@ GOING = 0                        # the word that says whether a strand goes on
 
 @wp.struct
 class Parts:
-    """What points leave for their strands, (points, strands), and the state of Newton's method, (strands,)."""
+    """Table of what points leave for their strands, (points, strands), and the state of Newton's method, (strands,)."""
 
     D: wp.array2d(dtype=wp.mat44d)                  # diagonal block of a point, and its right-hand side
     r: wp.array2d(dtype=wp.vec4d)

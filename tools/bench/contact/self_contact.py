@@ -1,4 +1,4 @@
-"""What self-contact costs: a flat cloth that falls and meets nothing, a cloth that is twisted into a rope, a sheet that is
+"""Costs of self-contact: a flat cloth that falls and meets nothing, a cloth that is twisted into a rope, a sheet that is
 scrunched, and the twist beside Newton's VBD.
 
     python -m tools.bench.contact.self_contact [--device cuda:0] [--rows drop,twist,scrunch,peer] [--points 50000] [--turns 10]

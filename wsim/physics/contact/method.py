@@ -94,7 +94,7 @@ class Contact(Method):
         self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
 
     def short(self, explicit: bool) -> None:
-        """What explicit steps have, which are many and short."""
+        """Parts that explicit steps have, which are many and short."""
         if self.movers is None:
             self.contacts.smooth(self.model.scene, explicit)
         if explicit and self.contacts.meshes and not self.model.gradients:

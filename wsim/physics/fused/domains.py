@@ -1,4 +1,5 @@
-"""How a cluster of blocks shares sheets: the points of each block, and what it computes for them. See kernels/fused/sheet.py.
+"""Domains of sheets that a cluster of blocks shares: the points of each block, and what it computes for them.
+See kernels/fused/sheet.py.
 
     own       the points of a block: halves of equal numbers across the longest side at rest, again and again
     flat      triangles with an own point                  bent      hinges with an own point
@@ -51,7 +52,7 @@ class Plan:
 
     @property
     def grid(self) -> bool:
-        """Whether blocks are a multiprocessor each and send through global memory, instead of a cluster."""
+        """True if blocks are a multiprocessor each and send through global memory, instead of a cluster."""
         return self.size > LARGEST
 
     @property
@@ -203,7 +204,7 @@ def shared(pull, air: bool) -> Sheets | None:
 
 
 def apart(pull) -> bool:
-    """Whether a cluster cannot take the elements of a model: see kernels/fused/sheet.py."""
+    """True if a cluster cannot take the elements of a model: see kernels/fused/sheet.py."""
     model, device = pull.model, pull.model.device
     return (model.fuses is False or not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE
             or model.gradients or model.worlds > 1 or model.real is not wp.float32 or bool(pull.springs or pull.tables)
@@ -211,7 +212,7 @@ def apart(pull) -> bool:
 
 
 def fanned(pull) -> bool:
-    """Whether all triangles that air acts on are membranes."""
+    """True if all triangles that air acts on are membranes."""
     triangles = [b.triangles for b in pull.model.bodies if getattr(b.source, "drag", 0.0) or getattr(b.source, "lift", 0.0)]
     have = [e.ids for e in pull.elements if e.kind == "membrane"]
     return bool(have) and {*map(tuple, np.sort(np.concatenate(triangles), axis=1).tolist())} <= {
@@ -254,6 +255,6 @@ class Sheets:
             setattr(self.data, name, getattr(air, name))
 
     def begin(self) -> None:
-        """What comes before a frame."""
+        """Launches before a frame."""
         if self.plan.grid:
             self.model.zero(self.data.turn)

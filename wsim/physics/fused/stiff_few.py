@@ -54,7 +54,7 @@ def slow(model: Model) -> list[Slowed]:
 
 
 def tried(model: Model) -> tuple[str, tuple[float, float]]:
-    """What `slow` would do, "" for nothing, and `bound` (omega, c) then; the model stays as it is."""
+    """Words of what `slow` would do, "" for nothing, and `bound` (omega, c) then; the model stays as it is."""
     before = [(body, body.masses) for body in model.bodies]
     try:
         said = "; ".join(map(str, slow(model)))

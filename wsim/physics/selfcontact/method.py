@@ -200,7 +200,7 @@ class SelfContact(Method):
         return []
 
     def _pinched(self, said: np.ndarray) -> str:
-        """What has no way out, in words."""
+        """Words for what has no way out."""
         assert self.obstacles
         numbers = sorted({int(cut.MOST - said[cut.FORMER]), int(said[cut.LATTER]) - 1})
         names = " and ".join(self.obstacles.contacts.rows.colliders[n].path for n in numbers)
