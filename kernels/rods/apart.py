@@ -16,9 +16,7 @@ from wsim.kernels.rods.air import blow
 from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.element import transport, turned, upright
 from wsim.kernels.rods.lanes import (
-    DAMP,
-    EDGE,
-    GUST,
+    AIR,
     LANES,
     LAST,
     RIGHT,
@@ -27,6 +25,7 @@ from wsim.kernels.rods.lanes import (
     eliminating,
     keep,
     keep_bend,
+    keep_edge,
     keep_symmetric,
     meet,
 )
@@ -82,12 +81,11 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
             e = T.x[i + 1, k] - T.x[i, k]
             length = wp.length(e)
             t = e / wp.max(length, TINY)
-            keep(A.part, wp.static(EDGE), i, k, t)
-            A.part[wp.static(EDGE + 3), i, k] = length
+            keep_edge(S, A, i, k, t, length)
             if wp.static(airy):
                 gust, damp = blow(S, Q, T, p, i, k)
-                keep(A.part, wp.static(GUST), i, k, gust)
-                keep_symmetric(A.part, wp.static(DAMP), i, k, damp[0], damp[1], damp[2])
+                keep(A.part, wp.static(AIR), i, k, gust)
+                keep_symmetric(A.part, wp.static(AIR + 3), i, k, damp[0], damp[1], damp[2])
             if i > 0:
                 if S.clamped[i - 1, k] + S.clamped[i, k] < 2:
                     e0 = T.x[i, k] - T.x[i - 1, k]
@@ -95,9 +93,9 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
                     f = strains(e0 / wp.max(l0, TINY), t, wp.max(l0, TINY), wp.max(length, TINY), T.d[i - 1, k], T.d[i, k],
                                 T.phi[i, k])
                     T.phi[i, k] = f.s[2]
-                    keep_bend(A, i, k, f)
+                    keep_bend(S, A, i, k, f)
 
-    @wp.kernel(enable_backward=False, module=module)
+    @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 10))     # fewer registers: 10k strands at once on an H200
     def solve_strands(S: Strands, T: Trial, A: Parts, words: wp.array(dtype=int), said: wp.array2d(dtype=wp.float64)):
         k = wp.tid() / wp.static(LANES)
         lane = wp.tid() % wp.static(LANES)
@@ -108,7 +106,7 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         if on == 0:
             return
         n = S.points[k]
-        z = eliminate(S, T, A, n, lane, k)
+        z = eliminate(T, A, n, lane, k)
         short = A.least[k]
         share = A.share[k]
         if z > (wp.float64(1.0) - CALM * share) * A.before[k]:

@@ -13,9 +13,12 @@ import warp as wp
 from wsim.kernels.rods.element import bend
 from wsim.kernels.rods.tables import Strands, Trial
 
-LANES, THREADS = 4, 32           # of a strand, of a block (one warp: shared memory is that of a warp)
-SYMMETRIC, LAST, RIGHT, EDGE, BENT, GUST, DAMP = 0, 6, 7, 11, 15, 42, 45
-CALM, AIRY = 42, 51              # numbers of a point without air and with it
+LANES = 4
+# Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air on that edge
+SYMMETRIC, LAST, RIGHT, FREE = 0, 6, 7, 11   # upper triangle of its block, by rows; the angle's; right side; 1: free, it spins
+EDGE, BENT, AIR, NUMBERS = 13, 19, 48, 57
+OFF, SLOPES, SPINS, OWN = BENT, BENT + 3, BENT + 21, BENT + 27      # of a bend
+STEPS = 5                        # of points whose numbers are under way from memory
 Bend = bend().Bend
 
 
@@ -23,13 +26,13 @@ Bend = bend().Bend
 class Parts:
     """Table of what points leave for their strands, and the state of Newton's method, (strands,).
 
-    part (CALM or AIRY, points, strands): upper triangle of the point's own block (rows of three, then the angle's), right-hand
-    side from RIGHT on, the edge's tangent and length [m], Bend of the point in its order, half the force of the air on the edge
-    [N] and the upper triangle of its stiffness [N/m]"""
+    part (AIR or NUMBERS, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
+    from EDGE on the tangent, stiffness along it less that across, that across [N/m], tension [N]; from BENT on strains less
+    those at rest, their gradients by both edges and both angles, all times the root of their stiffness, and what turns add to
+    the angles' own stiffness [N m]; from AIR on half the force of the air [N], and the upper triangle of its stiffness [N/m]"""
 
     part: wp.array3d(dtype=wp.float64)
-    near: wp.array3d(dtype=wp.float64)              # factor towards the next point, (16, points, strands)
-    far: wp.array3d(dtype=wp.float64)               # and the one behind it
+    factor: wp.array3d(dtype=wp.float64)            # (36, points, strands): near, far, right side
     least: wp.array(dtype=wp.float64)               # shortest edge [m]
     before: wp.array(dtype=wp.float64)              # greatest correction of the iteration before [m]
     share: wp.array(dtype=wp.float64)               # of a correction that is taken
@@ -51,6 +54,9 @@ class Window:
     r0: wp.vec4d
     r1: wp.vec4d
     r2: wp.vec4d
+    m0: wp.vec2d                                    # 1: a point is free, its edge spins
+    m1: wp.vec2d
+    m2: wp.vec2d
 
 
 @wp.struct
@@ -112,31 +118,91 @@ def pick(v: wp.vec4d, lane: int):
     return wp.where(lane < 2, wp.where(lane == 0, v[0], v[1]), wp.where(lane == 2, v[2], v[3]))
 
 
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+    __shared__ double room[8 * {STEPS * NUMBERS}];
+    return (int)__cvta_generic_to_shared(room) + 8 * (threadIdx.x >> 2);
+#else
+    return 0;
+#endif
+""")
+def desk() -> int:
+    """Address in shared memory where a strand's numbers are put, STEPS points in turn."""
+    ...
+
+
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+    for (int c = threadIdx.x & 3; c < count; c += 4) {{
+        const int row = i + (ahead ? c < {EDGE} ? 2 : c < {BENT} || c >= {AIR} ? 0 : 1 : 0);
+        const char* from = (const char*)a.data + (size_t)a.strides[0] * c + (size_t)a.strides[1] * row + 8 * (size_t)k;
+        asm volatile("cp.async.ca.shared.global [%0], [%1], 8;" :: "r"(to + 64 * c), "l"(from) : "memory");
+    }}
+#endif
+""")
+def fetch(a: wp.array3d(dtype=wp.float64), count: int, i: int, k: int, to: int, ahead: bool):
+    """Sends for numbers of point i. ahead: those of a point itself are of the next but one, those of a bend of the next."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    asm volatile("cp.async.commit_group;" ::: "memory");
+#endif
+""")
+def sent():
+    """Ends a group of what was sent for."""
+    ...
+
+
+@wp.func_native(f"""
+#if defined(__CUDA_ARCH__)
+    asm volatile("cp.async.wait_group {STEPS - 1};" ::: "memory");
+    __syncwarp(0xfu << (threadIdx.x & 28));
+#endif
+""")
+def arrive():
+    """The lanes of a strand wait for all groups but the last STEPS - 1."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return *(const double*)__cvta_shared_to_generic(at + 64 * c);
+#else
+    return 0.0;
+#endif
+""")
+def got(at: int, c: int) -> wp.float64:
+    """Number c of what was put at an address."""
+    ...
+
+
 @wp.func
-def symmetric(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, lane: int):
+def got3(at: int, c: int):
+    return wp.vec3d(got(at, c), got(at, c + 1), got(at, c + 2))
+
+
+@wp.func
+def symmetric(at: int, first: int, lane: int):
     """Column `lane` < 3 of a 3 x 3 block whose upper triangle stands from `first` on; 0 in lane 3."""
     zero = wp.float64(0.0)
-    v = wp.vec4d()
-    if lane < 3:
-        v = wp.vec4d(part[first + lane, i, k], part[first + wp.where(lane == 0, 1, 2 + lane), i, k],
-                     part[first + wp.where(lane == 2, 5, 2 + 2 * lane), i, k], zero)
-    return v
+    x = got(at, first + wp.min(lane, 2))
+    y = got(at, first + wp.where(lane == 0, 1, 2 + wp.min(lane, 2)))
+    z = got(at, first + wp.where(lane >= 2, 5, 2 + 2 * lane))
+    return wp.vec4d(wp.where(lane < 3, x, zero), wp.where(lane < 3, y, zero), wp.where(lane < 3, z, zero), zero)
 
 
 @wp.func
-def own_block(A: Parts, i: int, n: int, k: int, lane: int):
-    """Column of a point's own block, and its right-hand side."""
+def own_block(at: int, lane: int, w: Window):
+    """The window with a third point."""
     zero = wp.float64(0.0)
-    r = wp.vec4d()
-    D = wp.vec4d(wp.float64(wp.where(lane == 0, 1, 0)), wp.float64(wp.where(lane == 1, 1, 0)),
-                 wp.float64(wp.where(lane == 2, 1, 0)), wp.float64(wp.where(lane == 3, 1, 0)))
-    if i < n:
-        D = symmetric(A.part, wp.static(SYMMETRIC), i, k, lane)
-        if lane == 3:
-            D = wp.vec4d(zero, zero, zero, A.part[wp.static(LAST), i, k])
-        r = wp.vec4d(A.part[wp.static(RIGHT), i, k], A.part[wp.static(RIGHT + 1), i, k],
-                     A.part[wp.static(RIGHT + 2), i, k], A.part[wp.static(RIGHT + 3), i, k])
-    return D, r
+    last = got(at, wp.static(LAST))
+    w.D2 = symmetric(at, wp.static(SYMMETRIC), lane) + wp.vec4d(zero, zero, zero, wp.where(lane == 3, last, zero))
+    w.r2 = wp.vec4d(got(at, wp.static(RIGHT)), got(at, wp.static(RIGHT + 1)), got(at, wp.static(RIGHT + 2)),
+                    got(at, wp.static(RIGHT + 3)))
+    w.m2 = wp.vec2d(got(at, wp.static(FREE)), got(at, wp.static(FREE + 1)))
+    return w
 
 
 @wp.func
@@ -173,11 +239,6 @@ def solved(f: Factors, y: wp.vec4d):
 
 
 @wp.func
-def read3(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int):
-    return wp.vec3d(part[first, i, k], part[first + 1, i, k], part[first + 2, i, k])
-
-
-@wp.func
 def keep(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, v: wp.vec3d):
     """Stores three numbers of a point."""
     part[first, i, k] = v[0]
@@ -186,13 +247,27 @@ def keep(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, v: wp.v
 
 
 @wp.func
-def keep_bend(A: Parts, i: int, k: int, f: Bend):
-    keep(A.part, wp.static(BENT), i, k, f.s)
+def keep_bend(S: Strands, A: Parts, i: int, k: int, f: Bend):
+    B = wp.sqrt(S.B[i, k])
+    q = wp.vec3d(B, B, wp.sqrt(S.C[i, k]))
+    off = wp.cw_mul(f.s - S.rest[i, k], q)
+    keep(A.part, wp.static(OFF), i, k, off)
     for c in range(wp.static(3)):
-        keep(A.part, wp.static(BENT + 3) + 3 * c, i, k, f.a[c])
-        keep(A.part, wp.static(BENT + 12) + 3 * c, i, k, f.b[c])
-    keep(A.part, wp.static(BENT + 21), i, k, f.u)
-    keep(A.part, wp.static(BENT + 24), i, k, f.w)
+        keep(A.part, wp.static(SLOPES) + 3 * c, i, k, f.a[c] * q[c])
+        keep(A.part, wp.static(SLOPES + 9) + 3 * c, i, k, f.b[c] * q[c])
+    keep(A.part, wp.static(SPINS), i, k, wp.cw_mul(f.u, q))
+    keep(A.part, wp.static(SPINS + 3), i, k, wp.cw_mul(f.w, q))
+    zero = wp.float64(0.0)
+    A.part[wp.static(OWN), i, k] = wp.max(B * (off[0] * f.u[1] - off[1] * f.u[0]), zero)
+    A.part[wp.static(OWN + 1), i, k] = wp.max(B * (off[0] * f.w[1] - off[1] * f.w[0]), zero)
+
+
+@wp.func
+def keep_edge(S: Strands, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64):
+    tension = S.A[i, k] * (length - S.length[i, k])
+    across = wp.max(tension / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
+    keep(A.part, wp.static(EDGE), i, k, t)
+    keep(A.part, wp.static(EDGE + 3), i, k, wp.vec3d(S.A[i, k] - across, across, tension))
 
 
 @wp.func
@@ -204,99 +279,135 @@ def keep_symmetric(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: in
     part[first + 5, i, k] = c[2]
 
 
+@wp.func
+def strain(at: int, c: int, w: Window, lane: int):
+    """The window with strain c at its middle point."""
+    a = got3(at, wp.static(SLOPES) + 3 * c)
+    b = got3(at, wp.static(SLOPES + 9) + 3 * c)
+    d = (a - b) * w.m1[0]
+    a = a * -w.m0[0]
+    b = b * w.m2[0]
+    g0 = wp.vec4d(a[0], a[1], a[2], got(at, wp.static(SPINS) + c) * w.m0[1])
+    g1 = wp.vec4d(d[0], d[1], d[2], got(at, wp.static(SPINS + 3) + c) * w.m1[1])
+    g2 = wp.vec4d(b[0], b[1], b[2], wp.float64(0.0))
+    p0 = pick(g0, lane)
+    p1 = pick(g1, lane)
+    p2 = pick(g2, lane)
+    s = got(at, wp.static(OFF) + c)
+    w.r0 = w.r0 - g0 * s
+    w.r1 = w.r1 - g1 * s
+    w.r2 = w.r2 - g2 * s
+    w.D0 = w.D0 + g0 * p0
+    w.D1 = w.D1 + g1 * p1
+    w.D2 = w.D2 + g2 * p2
+    w.P = w.P + g0 * p1
+    w.N = w.N + g1 * p2
+    w.F = w.F + g0 * p2
+    return w
+
+
 @cache
 def eliminating(airy: bool):
-    """Function (S, T, A, lane, k) -> greatest correction of a strand's points [m], of which T.z has all."""
+    """Function (T, A, n, lane, k) -> greatest correction of a strand's n points [m], of which T.z has all."""
+    count = NUMBERS if airy else AIR
 
     @wp.func
-    def stretch(S: Strands, A: Parts, w: Window, i: int, k: int, lane: int):
+    def stretch(at: int, w: Window, lane: int):
         zero = wp.float64(0.0)
-        free0 = wp.where(S.hold[i, k] < 0, wp.float64(1.0), zero)
-        free1 = wp.where(S.hold[i + 1, k] < 0, wp.float64(1.0), zero)
-        e = read3(A.part, wp.static(EDGE), i, k)
+        e = got3(at, wp.static(EDGE))
+        k = got3(at, wp.static(EDGE + 3))
         t = wp.vec4d(e[0], e[1], e[2], zero)
-        length = A.part[wp.static(EDGE + 3), i, k]
-        tension = S.A[i, k] * (length - S.length[i, k])
-        across = wp.max(tension / wp.max(length, wp.float64(1e-30)), zero)
-        H = t * (pick(t, lane) * (S.A[i, k] - across))
-        H = H + wp.vec4d(wp.where(lane == 0, across, zero), wp.where(lane == 1, across, zero),
-                         wp.where(lane == 2, across, zero), zero)
-        w.P = w.P - H * (free0 * free1)
-        r = t * tension
+        H = t * (pick(t, lane) * k[0]) + wp.vec4d(wp.where(lane == 0, k[1], zero), wp.where(lane == 1, k[1], zero),
+                                                  wp.where(lane == 2, k[1], zero), zero)
+        w.P = w.P - H * (w.m0[0] * w.m1[0])
+        r = t * k[2]
+        w.r0 = w.r0 + r * w.m0[0]
+        w.r1 = w.r1 - r * w.m1[0]
         if wp.static(airy):
-            K = symmetric(A.part, wp.static(DAMP), i, k, lane)
-            w.P = w.P + K * (free0 * free1)
+            K = symmetric(at, wp.static(AIR + 3), lane)
+            w.P = w.P + K * (w.m0[0] * w.m1[0])
             H = H + K
-            f = read3(A.part, wp.static(GUST), i, k)
+            f = got3(at, wp.static(AIR))
             gust = wp.vec4d(f[0], f[1], f[2], zero)
-            w.r0 = w.r0 + gust * free0
-            w.r1 = w.r1 + gust * free1
-        w.D0 = w.D0 + H * free0
-        w.D1 = w.D1 + H * free1
-        w.r0 = w.r0 + r * free0
-        w.r1 = w.r1 - r * free1
+            w.r0 = w.r0 + gust * w.m0[0]
+            w.r1 = w.r1 + gust * w.m1[0]
+        w.D0 = w.D0 + H * w.m0[0]
+        w.D1 = w.D1 + H * w.m1[0]
         return w
 
     @wp.func
-    def strain(A: Parts, w: Window, c: int, q: wp.float64, off: wp.float64, i: int, k: int, lane: int, held: wp.vec3d,
-               spin: wp.vec2d):
-        """The window with a strain of a point. q: its stiffness, off: how far from rest."""
-        a = read3(A.part, wp.static(BENT + 3) + 3 * c, i, k)
-        b = read3(A.part, wp.static(BENT + 12) + 3 * c, i, k)
-        d = (a - b) * held[1]
-        a = a * -held[0]
-        b = b * held[2]
-        g0 = wp.vec4d(a[0], a[1], a[2], A.part[wp.static(BENT + 21) + c, i, k] * spin[0])
-        g1 = wp.vec4d(d[0], d[1], d[2], A.part[wp.static(BENT + 24) + c, i, k] * spin[1])
-        g2 = wp.vec4d(b[0], b[1], b[2], wp.float64(0.0))
-        p0 = q * pick(g0, lane)
-        p1 = q * pick(g1, lane)
-        p2 = q * pick(g2, lane)
-        s = off * q
-        w.r0 = w.r0 - g0 * s
-        w.r1 = w.r1 - g1 * s
-        w.r2 = w.r2 - g2 * s
-        w.D0 = w.D0 + g0 * p0
-        w.D1 = w.D1 + g1 * p1
-        w.D2 = w.D2 + g2 * p2
-        w.P = w.P + g0 * p1
-        w.N = w.N + g1 * p2
-        w.F = w.F + g0 * p2
-        return w
-
-    @wp.func
-    def flex(S: Strands, A: Parts, w: Window, i: int, k: int, lane: int):
+    def forward(A: Parts, desk: int, n: int, lane: int, k: int):
+        w = Window()
         zero = wp.float64(0.0)
-        one = wp.float64(1.0)
-        held = wp.vec3d(wp.where(S.hold[i - 1, k] < 0, one, zero), wp.where(S.hold[i, k] < 0, one, zero),
-                        wp.where(S.hold[i + 1, k] < 0, one, zero))
-        spin = wp.vec2d(wp.where(S.clamped[i - 1, k] == 0, one, zero), wp.where(S.clamped[i, k] == 0, one, zero))
-        off = read3(A.part, wp.static(BENT), i, k) - S.rest[i, k]
-        B = S.B[i, k]
-        w = strain(A, w, 0, B, off[0], i, k, lane, held, spin)
-        w = strain(A, w, 1, B, off[1], i, k, lane, held, spin)
-        w = strain(A, w, 2, S.C[i, k], off[2], i, k, lane, held, spin)
-        if lane == 3:
-            u = read3(A.part, wp.static(BENT + 21), i, k)
-            v = read3(A.part, wp.static(BENT + 24), i, k)
-            p = B * off[0]
-            q = B * off[1]
-            w.D0 = w.D0 + wp.vec4d(zero, zero, zero, wp.max(p * u[1] - q * u[0], zero) * spin[0])
-            w.D1 = w.D1 + wp.vec4d(zero, zero, zero, wp.max(p * v[1] - q * v[0], zero) * spin[1])
-        return w
+        for j in range(wp.static(STEPS)):
+            if j < n + 2:
+                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * NUMBERS) * j, True)
+            sent()
+        slot = int(0)
+        for j in range(n + 2):
+            i = j - 2
+            at = desk + wp.static(64 * NUMBERS) * slot
+            arrive()
+            w = own_block(at, lane, w)
+            w.N = wp.vec4d()
+            w.F = wp.vec4d()
+            if i >= 0:
+                w = stretch(at, w, lane)
+                for c in range(wp.static(3)):
+                    w = strain(at, c, w, lane)
+                w.D0 = w.D0 + wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN)), zero) * w.m0[1])
+                w.D1 = w.D1 + wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN + 1)), zero) * w.m1[1])
+                f = factors(whole(w.D0))
+                L1 = solved(f, w.P)
+                L2 = solved(f, w.F)
+                y = solved(f, w.r0)
+                for c in range(wp.static(LANES)):
+                    A.factor[wp.static(LANES) * c + lane, i, k] = L1[c]
+                    A.factor[wp.static(LANES) * c + lane + wp.static(LANES * LANES), i, k] = L2[c]
+                A.factor[wp.static(2 * LANES * LANES) + lane, i, k] = pick(y, lane)
+                P = wp.transpose(whole(w.P))
+                w.D0 = w.D1 - P * L1
+                w.P = w.N - P * L2
+                w.r0 = w.r1 - P * y
+                F = wp.transpose(whole(w.F))
+                w.D1 = w.D2 - F * L2
+                w.r1 = w.r2 - F * y
+            else:
+                w.D0 = w.D1
+                w.r0 = w.r1
+                w.D1 = w.D2
+                w.r1 = w.r2
+            meet()
+            if j + wp.static(STEPS) < n + 2:
+                fetch(A.part, wp.static(count), i + wp.static(STEPS), k, at, True)
+            sent()
+            slot = wp.where(slot + 1 == wp.static(STEPS), 0, slot + 1)
+            w.m0 = w.m1
+            w.m1 = w.m2
 
     @wp.func
-    def backward(T: Trial, A: Parts, n: int, lane: int, k: int):
+    def backward(T: Trial, A: Parts, desk: int, n: int, lane: int, k: int):
         z1 = wp.vec4d()
         z2 = wp.vec4d()
         most = wp.float64(0.0)
+        for j in range(wp.static(STEPS)):
+            if j < n:
+                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * NUMBERS) * j, False)
+            sent()
+        slot = int(0)
         for j in range(n):
             i = n - 1 - j
-            z = pick(T.z[i, k], lane)
-            row = 4 * lane
+            at = desk + wp.static(64 * NUMBERS) * slot
+            arrive()
+            z = got(at, wp.static(2 * LANES * LANES) + lane)
+            row = wp.static(LANES) * lane
             for c in range(wp.static(LANES)):
-                z -= A.near[row + c, i, k] * z1[c] + A.far[row + c, i, k] * z2[c]
+                z -= got(at, row + c) * z1[c] + got(at, row + c + wp.static(LANES * LANES)) * z2[c]
             all = together(z)
+            if j + wp.static(STEPS) < n:
+                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), i - wp.static(STEPS), k, at, False)
+            sent()
+            slot = wp.where(slot + 1 == wp.static(STEPS), 0, slot + 1)
             if lane == 0:
                 T.z[i, k] = all
             most = wp.max(most, wp.length(wp.vec3d(all[0], all[1], all[2])))
@@ -305,42 +416,10 @@ def eliminating(airy: bool):
         return most
 
     @wp.func
-    def eliminate(S: Strands, T: Trial, A: Parts, n: int, lane: int, k: int):
-        w = Window()
-        D, r = own_block(A, 0, n, k, lane)
-        w.D0 = D
-        w.r0 = r
-        D, r = own_block(A, 1, n, k, lane)
-        w.D1 = D
-        w.r1 = r
-        for i in range(n):
-            D, r = own_block(A, i + 2, n, k, lane)
-            w.D2 = D
-            w.r2 = r
-            w.N = wp.vec4d()
-            w.F = wp.vec4d()
-            if i + 1 < n:
-                w = stretch(S, A, w, i, k, lane)
-            if i + 2 < n:
-                if S.clamped[i, k] + S.clamped[i + 1, k] < 2:
-                    w = flex(S, A, w, i + 1, k, lane)
-            f = factors(whole(w.D0))
-            P = wp.transpose(whole(w.P))
-            F = wp.transpose(whole(w.F))
-            L1 = solved(f, w.P)
-            L2 = solved(f, w.F)
-            y = solved(f, w.r0)
-            for c in range(wp.static(LANES)):
-                A.near[wp.static(LANES) * c + lane, i, k] = L1[c]
-                A.far[wp.static(LANES) * c + lane, i, k] = L2[c]
-            if lane == 0:
-                T.z[i, k] = y
-            w.D0 = w.D1 - P * L1
-            w.P = w.N - P * L2
-            w.D1 = w.D2 - F * L2
-            w.r0 = w.r1 - P * y
-            w.r1 = w.r2 - F * y
+    def eliminate(T: Trial, A: Parts, n: int, lane: int, k: int):
+        place = desk()
+        forward(A, place, n, lane, k)
         meet()
-        return backward(T, A, n, lane, k)
+        return backward(T, A, place, n, lane, k)
 
     return eliminate

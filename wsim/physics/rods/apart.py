@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rods.apart import apart
-from wsim.kernels.rods.lanes import AIRY, CALM, LANES, Parts
+from wsim.kernels.rods.lanes import AIR, FREE, LANES, LAST, NUMBERS, Parts
 from wsim.model.stage import Clock
 from wsim.model.structs import filled
 
@@ -21,11 +21,17 @@ class Apart:
     def __init__(self, strands: Strands, module: str, device):
         self.strands, table, self.device = strands, strands.table, device
         self.begin, self.measure, self.solve, self.take, self.end = apart(strands.obstacles.kinds, strands.airy, module)
-        m, numbers = table.strands, {"part": AIRY if strands.airy else CALM, "near": LANES**2, "far": LANES**2}
+        m, part = table.strands, np.zeros((NUMBERS if strands.airy else AIR, table.longest + 2, table.strands))
+        end = np.arange(table.longest + 2)[:, None] >= table.counts
+        for k in (0, 3, 5, LAST):                        # the diagonal
+            part[k] = end
+        part[FREE] = np.pad(table.hold < 0, ((0, 2), (0, 0))) & ~end
+        part[FREE + 1] = np.pad(table.clamped == 0, ((0, 2), (0, 0))) & ~end
         length = np.where(table.values["length"] > 0.0, table.values["length"], np.inf)
         self.parts = filled(
-            Parts, least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
-            **{name: wp.zeros((count, table.longest, m), dtype=wp.float64, device=device) for name, count in numbers.items()},
+            Parts, part=wp.array(part, dtype=wp.float64, device=device),
+            factor=wp.zeros((2 * LANES**2 + LANES, table.longest, m), dtype=wp.float64, device=device),
+            least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
             **{name: wp.zeros(m, dtype=wp.float64, device=device) for name in ("before", "share")},
             **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "on", "moved")})
         self.words = wp.zeros(1, dtype=int, device=device)
