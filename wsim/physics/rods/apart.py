@@ -1,4 +1,4 @@
-"""Substeps of strands on a GPU: a launch for each part of an iteration (kernels/rods/apart.py). On a CPU strands march in one
+"""Substeps of strands on a GPU: a launch for each part of an iteration (kernels/rods/apart). On a CPU strands march in one
 launch, see method.py."""
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from wsim.kernels.rods.apart import apart
-from wsim.kernels.rods.lanes import AIR, FREE, LANES, LAST, NUMBERS, Parts
+from wsim.kernels.rods.apart.parts import AIR, FREE, LANES, LAST, NUMBERS, Parts
+from wsim.kernels.rods.apart.steps import apart
 from wsim.model.stage import Clock
 from wsim.model.structs import filled
 

@@ -10,35 +10,24 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.element import bend
-from wsim.kernels.rods.tables import Strands, Trial
-
-LANES = 4
-# Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air on that edge
-SYMMETRIC, LAST, RIGHT, FREE = 0, 6, 7, 11   # upper triangle of its block, by rows; the angle's; right side; 1: free, it spins
-EDGE, BENT, AIR, NUMBERS = 13, 19, 48, 57
-OFF, SLOPES, SPINS, OWN = BENT, BENT + 3, BENT + 21, BENT + 27      # of a bend
-STEPS = 5                        # of points whose numbers are under way from memory
-Bend = bend().Bend
-
-
-@wp.struct
-class Parts:
-    """Table of what points leave for their strands, and the state of Newton's method, (strands,).
-
-    part (AIR or NUMBERS, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
-    from EDGE on the tangent, stiffness along it less that across, that across [N/m], tension [N]; from BENT on strains less
-    those at rest, their gradients by both edges and both angles, all times the root of their stiffness, and what turns add to
-    the angles' own stiffness [N m]; from AIR on half the force of the air [N], and the upper triangle of its stiffness [N/m]"""
-
-    part: wp.array3d(dtype=wp.float64)
-    factor: wp.array3d(dtype=wp.float64)            # (36, points, strands): near, far, right side
-    least: wp.array(dtype=wp.float64)               # shortest edge [m]
-    before: wp.array(dtype=wp.float64)              # greatest correction of the iteration before [m]
-    share: wp.array(dtype=wp.float64)               # of a correction that is taken
-    count: wp.array(dtype=int)                      # iterations
-    on: wp.array(dtype=int)                         # 1: it goes on
-    moved: wp.array(dtype=int)                      # 1: it has moved in this iteration
+from wsim.kernels.rods.apart.desk import arrive, desk, fetch, got, got3, meet, sent, together, whole
+from wsim.kernels.rods.apart.parts import (
+    AIR,
+    EDGE,
+    FREE,
+    LANES,
+    LAST,
+    NUMBERS,
+    OFF,
+    OWN,
+    RIGHT,
+    SLOPES,
+    SPINS,
+    STEPS,
+    SYMMETRIC,
+    Parts,
+)
+from wsim.kernels.rods.tables import Trial
 
 
 @wp.struct
@@ -68,119 +57,9 @@ class Factors:
     d: wp.vec4d
 
 
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    __shared__ double room[4 * 32];
-    const int t = threadIdx.x, first = t & ~3;
-    const unsigned group = 0xfu << first;
-    __syncwarp(group);
-    for (int r = 0; r < 4; ++r) room[32 * r + t] = own[r];
-    __syncwarp(group);
-    wp::mat_t<4, 4, double> m;
-    for (int r = 0; r < 4; ++r)
-        for (int c = 0; c < 4; ++c) m.data[r][c] = room[32 * r + first + c];
-    return m;
-#else
-    return wp::mat_t<4, 4, double>();
-#endif
-""")
-def whole(own: wp.vec4d) -> wp.mat44d:
-    """Block whose columns the lanes of a strand have."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    const unsigned group = 0xfu << (threadIdx.x & 28);
-    return wp::vec_t<4, double>(__shfl_sync(group, own, 0, 4), __shfl_sync(group, own, 1, 4), __shfl_sync(group, own, 2, 4),
-                                __shfl_sync(group, own, 3, 4));
-#else
-    return wp::vec_t<4, double>();
-#endif
-""")
-def together(own: wp.float64) -> wp.vec4d:
-    """Vector whose numbers the lanes of a strand have."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    __syncwarp(0xfu << (threadIdx.x & 28));
-#endif
-""")
-def meet():
-    """The lanes of a strand wait for each other; what each wrote is seen by all."""
-    ...
-
-
 @wp.func
 def pick(v: wp.vec4d, lane: int):
     return wp.where(lane < 2, wp.where(lane == 0, v[0], v[1]), wp.where(lane == 2, v[2], v[3]))
-
-
-@wp.func_native(f"""
-#if defined(__CUDA_ARCH__)
-    __shared__ double room[8 * {STEPS * NUMBERS}];
-    return (int)__cvta_generic_to_shared(room) + 8 * (threadIdx.x >> 2);
-#else
-    return 0;
-#endif
-""")
-def desk() -> int:
-    """Address in shared memory where a strand's numbers are put, STEPS points in turn."""
-    ...
-
-
-@wp.func_native(f"""
-#if defined(__CUDA_ARCH__)
-    for (int c = threadIdx.x & 3; c < count; c += 4) {{
-        const int row = i + (ahead ? c < {EDGE} ? 2 : c < {BENT} || c >= {AIR} ? 0 : 1 : 0);
-        const char* from = (const char*)a.data + (size_t)a.strides[0] * c + (size_t)a.strides[1] * row + 8 * (size_t)k;
-        asm volatile("cp.async.ca.shared.global [%0], [%1], 8;" :: "r"(to + 64 * c), "l"(from) : "memory");
-    }}
-#endif
-""")
-def fetch(a: wp.array3d(dtype=wp.float64), count: int, i: int, k: int, to: int, ahead: bool):
-    """Sends for numbers of point i. ahead: those of a point itself are of the next but one, those of a bend of the next."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    asm volatile("cp.async.commit_group;" ::: "memory");
-#endif
-""")
-def sent():
-    """Ends a group of what was sent for."""
-    ...
-
-
-@wp.func_native(f"""
-#if defined(__CUDA_ARCH__)
-    asm volatile("cp.async.wait_group {STEPS - 1};" ::: "memory");
-    __syncwarp(0xfu << (threadIdx.x & 28));
-#endif
-""")
-def arrive():
-    """The lanes of a strand wait for all groups but the last STEPS - 1."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return *(const double*)__cvta_shared_to_generic(at + 64 * c);
-#else
-    return 0.0;
-#endif
-""")
-def got(at: int, c: int) -> wp.float64:
-    """Number c of what was put at an address."""
-    ...
-
-
-@wp.func
-def got3(at: int, c: int):
-    return wp.vec3d(got(at, c), got(at, c + 1), got(at, c + 2))
 
 
 @wp.func
@@ -236,47 +115,6 @@ def solved(f: Factors, y: wp.vec4d):
     z2 = y2 * f.d[2] - f.b[2] * z3
     z1 = y1 * f.d[1] - f.b[0] * z2 - f.b[1] * z3
     return wp.vec4d(y[0] * f.d[0] - f.a[0] * z1 - f.a[1] * z2 - f.a[2] * z3, z1, z2, z3)
-
-
-@wp.func
-def keep(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, v: wp.vec3d):
-    """Stores three numbers of a point."""
-    part[first, i, k] = v[0]
-    part[first + 1, i, k] = v[1]
-    part[first + 2, i, k] = v[2]
-
-
-@wp.func
-def keep_bend(S: Strands, A: Parts, i: int, k: int, f: Bend):
-    B = wp.sqrt(S.B[i, k])
-    q = wp.vec3d(B, B, wp.sqrt(S.C[i, k]))
-    off = wp.cw_mul(f.s - S.rest[i, k], q)
-    keep(A.part, wp.static(OFF), i, k, off)
-    for c in range(wp.static(3)):
-        keep(A.part, wp.static(SLOPES) + 3 * c, i, k, f.a[c] * q[c])
-        keep(A.part, wp.static(SLOPES + 9) + 3 * c, i, k, f.b[c] * q[c])
-    keep(A.part, wp.static(SPINS), i, k, wp.cw_mul(f.u, q))
-    keep(A.part, wp.static(SPINS + 3), i, k, wp.cw_mul(f.w, q))
-    zero = wp.float64(0.0)
-    A.part[wp.static(OWN), i, k] = wp.max(B * (off[0] * f.u[1] - off[1] * f.u[0]), zero)
-    A.part[wp.static(OWN + 1), i, k] = wp.max(B * (off[0] * f.w[1] - off[1] * f.w[0]), zero)
-
-
-@wp.func
-def keep_edge(S: Strands, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64):
-    tension = S.A[i, k] * (length - S.length[i, k])
-    across = wp.max(tension / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
-    keep(A.part, wp.static(EDGE), i, k, t)
-    keep(A.part, wp.static(EDGE + 3), i, k, wp.vec3d(S.A[i, k] - across, across, tension))
-
-
-@wp.func
-def keep_symmetric(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
-    """Stores the upper triangle of a block's rows."""
-    keep(part, first, i, k, a)
-    part[first + 3, i, k] = b[1]
-    part[first + 4, i, k] = b[2]
-    part[first + 5, i, k] = c[2]
 
 
 @wp.func

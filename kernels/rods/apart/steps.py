@@ -1,5 +1,5 @@
 """Substeps of strands on a GPU, a launch for each part of an iteration: strains, contacts and moves by a thread a point, the
-elimination from point to point by LANES threads a strand (kernels/rods/lanes.py; march.py takes the same steps in one launch).
+elimination from point to point by LANES threads a strand (lanes.py; kernels/rods/march.py takes the same steps in one launch).
 
 A strand's points come one after another in the elimination alone, of which a thread waits for each result. A strand that has
 ended waits for the others, which go on.
@@ -13,22 +13,11 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.air import blow
+from wsim.kernels.rods.apart.desk import meet
+from wsim.kernels.rods.apart.lanes import eliminating
+from wsim.kernels.rods.apart.parts import AIR, LANES, LAST, RIGHT, SYMMETRIC, Parts, keep, keep_bend, keep_edge, keep_symmetric
 from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.element import transport, turned, upright
-from wsim.kernels.rods.lanes import (
-    AIR,
-    LANES,
-    LAST,
-    RIGHT,
-    SYMMETRIC,
-    Parts,
-    eliminating,
-    keep,
-    keep_bend,
-    keep_edge,
-    keep_symmetric,
-    meet,
-)
 from wsim.kernels.rods.march import CALM, LEAST, MOST, TOLERANCE, begin_point, finish_point
 from wsim.kernels.rods.system import TINY, pointing, strains
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
