@@ -66,14 +66,15 @@ def desk() -> int:
 @wp.func_native(f"""
 #if defined(__CUDA_ARCH__)
     for (int c = threadIdx.x & 3; c < count; c += 4) {{
-        const int row = i + (ahead ? c < {EDGE} ? 2 : c < {BENT} || c >= {AIR} ? 0 : 1 : 0);
+        const int row = max(i + (ahead ? c < {EDGE} ? 2 : c < {BENT} || c >= {AIR} ? 0 : 1 : 0), 0);
         const char* from = (const char*)a.data + (size_t)a.strides[0] * c + (size_t)a.strides[1] * row + 8 * (size_t)k;
         asm volatile("cp.async.ca.shared.global [%0], [%1], 8;" :: "r"(to + 64 * c), "l"(from) : "memory");
     }}
 #endif
 """)
 def fetch(a: wp.array3d(dtype=wp.float64), count: int, i: int, k: int, to: int, ahead: bool):
-    """Sends for numbers of point i. ahead: those of a point itself are of the next but one, those of a bend of the next."""
+    """Sends for numbers of point i. ahead: those of a point itself are of the next but one, those of a bend of the next; what lies
+    before the first point is not read."""
     ...
 
 

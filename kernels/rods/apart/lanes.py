@@ -144,6 +144,32 @@ def strain(at: int, c: int, w: Window, lane: int):
     return w
 
 
+@wp.func
+def eliminated(A: Parts, w: Window, at: int, i: int, k: int, lane: int):
+    """The window with the strains of its points, moved on by one, whose factors are stored."""
+    zero = wp.float64(0.0)
+    for c in range(wp.static(3)):
+        w = strain(at, c, w, lane)
+    w.D0 = w.D0 + wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN)), zero) * w.m0[1])
+    w.D1 = w.D1 + wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN + 1)), zero) * w.m1[1])
+    f = factors(whole(w.D0))
+    L1 = solved(f, w.P)
+    L2 = solved(f, w.F)
+    y = solved(f, w.r0)
+    for c in range(wp.static(LANES)):
+        A.factor[wp.static(LANES) * c + lane, i, k] = L1[c]
+        A.factor[wp.static(LANES) * c + lane + wp.static(LANES * LANES), i, k] = L2[c]
+    A.factor[wp.static(2 * LANES * LANES) + lane, i, k] = pick(y, lane)
+    P = wp.transpose(whole(w.P))
+    w.D0 = w.D1 - P * L1
+    w.P = w.N - P * L2
+    w.r0 = w.r1 - P * y
+    F = wp.transpose(whole(w.F))
+    w.D1 = w.D2 - F * L2
+    w.r1 = w.r2 - F * y
+    return w
+
+
 @cache
 def eliminating(airy: bool):
     """Function (T, A, n, lane, k) -> greatest correction of a strand's n points [m], of which T.z has all."""
@@ -176,7 +202,6 @@ def eliminating(airy: bool):
     @wp.func
     def forward(A: Parts, desk: int, n: int, lane: int, k: int):
         w = Window()
-        zero = wp.float64(0.0)
         for j in range(wp.static(STEPS)):
             if j < n + 2:
                 fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * NUMBERS) * j, True)
@@ -190,26 +215,7 @@ def eliminating(airy: bool):
             w.N = wp.vec4d()
             w.F = wp.vec4d()
             if i >= 0:
-                w = stretch(at, w, lane)
-                for c in range(wp.static(3)):
-                    w = strain(at, c, w, lane)
-                w.D0 = w.D0 + wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN)), zero) * w.m0[1])
-                w.D1 = w.D1 + wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN + 1)), zero) * w.m1[1])
-                f = factors(whole(w.D0))
-                L1 = solved(f, w.P)
-                L2 = solved(f, w.F)
-                y = solved(f, w.r0)
-                for c in range(wp.static(LANES)):
-                    A.factor[wp.static(LANES) * c + lane, i, k] = L1[c]
-                    A.factor[wp.static(LANES) * c + lane + wp.static(LANES * LANES), i, k] = L2[c]
-                A.factor[wp.static(2 * LANES * LANES) + lane, i, k] = pick(y, lane)
-                P = wp.transpose(whole(w.P))
-                w.D0 = w.D1 - P * L1
-                w.P = w.N - P * L2
-                w.r0 = w.r1 - P * y
-                F = wp.transpose(whole(w.F))
-                w.D1 = w.D2 - F * L2
-                w.r1 = w.r2 - F * y
+                w = eliminated(A, stretch(at, w, lane), at, i, k, lane)
             else:
                 w.D0 = w.D1
                 w.r0 = w.r1

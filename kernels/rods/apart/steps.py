@@ -84,7 +84,7 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
                     T.phi[i, k] = f.s[2]
                     keep_bend(S, A, i, k, f)
 
-    @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 10))     # fewer registers: 10k strands at once on an H200
+    @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 10))       # registers for 12 blocks a multiprocessor
     def solve_strands(S: Strands, T: Trial, A: Parts, words: wp.array(dtype=int), said: wp.array2d(dtype=wp.float64)):
         k = wp.tid() / wp.static(LANES)
         lane = wp.tid() % wp.static(LANES)
