@@ -73,8 +73,8 @@ def desk() -> int:
 #endif
 """)
 def fetch(a: wp.array3d(dtype=wp.float64), count: int, i: int, k: int, to: int, ahead: bool):
-    """Sends for numbers of point i. ahead: those of a point itself are of the next but one, those of a bend of the next; what lies
-    before the first point is not read."""
+    """Sends for numbers of point i. ahead: those of a point itself are of the next but one, those of a bend of the next. Before
+    the first point there is none to read."""
     ...
 
 
