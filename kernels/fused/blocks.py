@@ -36,8 +36,7 @@ WORDS = {   # of CUDA. What others send counts on a barrier, as in kernels/motio
 BEFORE = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
     extern __shared__ __align__(128) float sheet_room[];
-    __shared__ __align__(8) unsigned long long sheet_gate[2];
-    const unsigned gates = (unsigned)__cvta_generic_to_shared(sheet_gate);
+    const unsigned gates = (unsigned)__cvta_generic_to_shared(sheet_room);    // two barriers of eight bytes
     auto reciprocal = [](float a) { float r; asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a)); return r; };
     auto reciprocal_root = [](float a) { float r; asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a)); return r; };
     auto send = [=](int block, const float4* place, float4 a, int sub) {      // to the same place in another block's memory

@@ -1,4 +1,4 @@
-"""A whole frame of explicit steps of sheets in one launch, by a cluster of blocks (CUDA, sm_90 and up; float32).
+"""Forces of sheets that a cluster of blocks shares for a whole frame in one launch (CUDA, sm_90 and up; float32).
 
 A block has a domain of points and computes all that acts on them: the triangles and hinges at its points, the curvatures that
 these hinges need, the angles of all hinges that those curvatures need. For that it needs places of the points of other domains,
@@ -8,7 +8,7 @@ three rings of them: blocks send each other these, once a substep. All else stan
 
 at a bar the threads of a block wait for each other. Elements at the edge of a domain are computed by two blocks or more, alike.
 A point's forces are gathered by LANES threads in a fixed order, so the bits are the same every time; they differ from launch by
-launch by rounding. Points move as in kernels/motion/cluster.py; air is taken at the velocity that damping sees, not at that of
+launch by rounding. Kernels: march.py, motion: own.py. Air is taken at the velocity that damping sees, not at that of
 the end of the substep. Tables: `wsim.physics.fused.domains`.
 """
 
@@ -20,6 +20,7 @@ import warp as wp
 from wsim.kernels.cloth import curvature
 from wsim.kernels.cloth.spring import net
 from wsim.kernels.fused.blocks import BEFORE, WORDS
+from wsim.kernels.fused.own import owned
 from wsim.kernels.fused.sheet_elements import ARITHMETIC, HINGE, NUMBERS, TRIANGLE
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import steps
@@ -28,7 +29,7 @@ LISTS = ("point", "hinge", "hinge_corner", "triangle", "corner", "slot", "moment
          "push_begin", "push", "value", "near")
 SLOTS = curvature.SLOTS
 ROOM = """
-    float4* const X = (float4*)sheet_room;                          // positions where the frame begins
+    float4* const X = (float4*)sheet_room + 1;                      // positions where the frame begins; before: `gates`
     float4* const D = X + S;                                        // displacements since, twice
     float4* const Q = D + 2 * S;                                    // velocities that damping sees, twice
     float4* const breeze = Q + (RATES ? 2 * S : 0);                 // wind over triangles, and their drag
@@ -61,7 +62,7 @@ FILL = """
     const int there = head[1], angles = head[3], flat = head[7], curved = head[11] / SLOTS, bent = head[13] - 1,
               owned = head[17] - 1;
     const float *const x3 = (const float*)x.data;
-    float *const y3 = (float*)x_out.data, *const e3 = (float*)e.data, *const v3_ = (float*)v.data, *const r3 = (float*)r.data;
+    const float *const e3 = (const float*)e.data, *const v3_ = (const float*)v.data, *const r3 = (const float*)r.data;
     for (int i = t; i < there; i += THREADS) {
         const int g = at(0, i);
         X[i] = make_float4(x3[3 * g], x3[3 * g + 1], x3[3 * g + 2], 0.f);
@@ -100,141 +101,120 @@ FILL = """
 OWN = """
     const int p = t / LANES, lane = t % LANES;
     const bool mine = p < owned;
-    const int g0 = mine ? at(0, p) : 0, object = mine ? c.object.data[g0] : 0, column = mine ? c.pin.data[g0] : -1;
-    const float w = mine ? c.w.data[g0] : 0.f, decay = mine ? c.decay.data[object] : 0.f;
-    float room2 = BOUNDED && mine ? h.room.data[g0] : 1e30f;        // square of the clearance [m^2], -2 once it was not enough
-    room2 = room2 > 0.f ? room2 * room2 : -1.f;
-    float gravity[3] = {0}, d0[3] = {0}, s[3] = {0}, v0[3] = {0}, goal[3] = {0}, q[3] = {0}, r0[3], x0[3];
+    const int g0 = mine ? at(0, p) : 0, object = mine ? c.object.data[g0] : 0;
+    own.point = mine ? g0 : -1;
+    own.lane = lane;
+    own.column = mine ? c.pin.data[g0] : -1;
+    own.w = mine ? c.w.data[g0] : 0.f;
+    own.decay = mine ? c.decay.data[object] : 0.f;
+    own.room = BOUNDED && mine ? h.room.data[g0] : 1e30f;
+    own.room = own.room > 0.f ? own.room * own.room : -1.f;
     for (int k = 0; k < 3 && mine; ++k) {
-        gravity[k] = ((const float*)c.gravity.data)[3 * object + k];
-        d0[k] = e3[3 * g0 + k];
-        v0[k] = q[k] = w > 0.f ? v3_[3 * g0 + k] : 0.f;
-        r0[k] = r3[3 * g0 + k];
-        x0[k] = x3[3 * g0 + k];
+        own.gravity[k] = ((const float*)c.gravity.data)[3 * object + k];
+        own.d[k] = e3[3 * g0 + k];
+        own.v[k] = own.q[k] = own.w > 0.f ? v3_[3 * g0 + k] : 0.f;
+        own.r[k] = r3[3 * g0 + k];
+        own.x[k] = x3[3 * g0 + k];
     }
-    const bool moves = mine && column >= 0 && !(w > 0.f) && step.drift > 0.f;
-    const float* goals = (const float*)c.target.data + 3 * (step.row * c.target.shape[1] + column);
-    for (int k = 0; k < 3 && moves; ++k) goal[k] = goals[k];
-    float kick = step.kick;  int from = 0;
-    const int points = x.shape[0], guest = GRID && owned + t < there ? at(0, owned + t) : -1;
-    float4* const mail = (float4*)h.mail.data;                      // displacements of all points, twice; velocities
+    own.moves = mine && own.column >= 0 && !(own.w > 0.f) && step.drift > 0.f;
+    const float* goals = (const float*)c.target.data + 3 * (step.row * c.target.shape[1] + own.column);
+    for (int k = 0; k < 3 && own.moves; ++k) own.goal[k] = goals[k];
+    own.there = there;  own.angles = angles;  own.flat = flat;  own.curved = curved;  own.bent = bent;  own.owned = owned;
+    own.guest = GRID && owned + t < there ? at(0, owned + t) : -1;
+    own.near = GRID && t < head[2 * 13 + 1] ? at(13, t) : -1;
     if (!GRID) { CLUSTER_BEGINS } else { BLOCK_MEETS }
-    const int forces = mine ? force_begin[p] + lane : 0, forces_end = mine ? force_begin[p + 1] : 0;
-    const int pushes = mine && !GRID ? push_begin[p] + lane : 0, pushes_end = mine && !GRID ? push_begin[p + 1] : 0;
+    own.force = mine ? force_begin[p] + lane : 0;
+    own.forces_end = mine ? force_begin[p + 1] : 0;
+    own.push = mine && !GRID ? push_begin[p] + lane : 0;
+    own.pushes_end = mine && !GRID ? push_begin[p + 1] : 0;
 """
-SUBSTEPS = """
-    for (int sub = 0; ; ++sub) {
-        const bool last = sub == step.count;
-        if (last && step.close == 0.f) break;
-        const float4 *const d = D + S * from, *const rate = Q + S * from;
-        const int first = (angles + 31) / 32 * 32;                  // of the triangles: warps take one kind
-        for (int i = t; i < first + flat; i += THREADS) {
-            if (i < angles) hinge(i, d, rate);
-            else if (i >= first) triangle(i - first, d, rate);
-        }
-        BLOCK_MEETS
-        for (int i = t; i < curved; i += THREADS) {
-            V3 sum = v3(0.f, 0.f, 0.f);
-            const float4* const a = value + SLOTS * i;
-            #pragma unroll
-            for (int k = 0; k < SLOTS; ++k) sum = more(z[FLOAT_AS_INT(a[k].w)], v3(a[k].x, a[k].y, a[k].z), sum);
-            C[i] = make_float4(sum.x, sum.y, sum.z, 0.f);
-        }
-        BLOCK_MEETS
-        for (int i = t; i < bent; i += THREADS) {
-            float u = 0.f;
-            const int end = moment_begin[i + 1];
-            #pragma unroll 4
-            for (int k = moment_begin[i]; k < end; ++k) {
-                const float4 a = value[moment[k]], b = C[moment[k] / SLOTS];
-                u += fmaf(a.x, b.x, fmaf(a.y, b.y, a.z * b.z));
-            }
-            scale[flat + i] = -fmaf(slope[i], u, kept[i]);
-        }
-        BLOCK_MEETS
-        float f[3] = {0, 0, 0}, blow[3] = {0, 0, 0}, damp = 0.f;
+COUNTS = """
+    const int t = THREAD, from = sub & 1, angles = own.angles, flat = own.flat, curved = own.curved, bent = own.bent;
+"""
+FORCES = """
+    const float4 *const d = D + S * from, *const rate = Q + S * from;
+    const int first = (angles + 31) / 32 * 32;                  // of the triangles: warps take one kind
+    for (int i = t; i < first + flat; i += THREADS) {
+        if (i < angles) hinge(i, d, rate);
+        else if (i >= first) triangle(i - first, d, rate);
+    }
+    BLOCK_MEETS
+    for (int i = t; i < curved; i += THREADS) {
+        V3 sum = v3(0.f, 0.f, 0.f);
+        const float4* const a = value + SLOTS * i;
+        #pragma unroll
+        for (int k = 0; k < SLOTS; ++k) sum = more(z[FLOAT_AS_INT(a[k].w)], v3(a[k].x, a[k].y, a[k].z), sum);
+        C[i] = make_float4(sum.x, sum.y, sum.z, 0.f);
+    }
+    BLOCK_MEETS
+    for (int i = t; i < bent; i += THREADS) {
+        float u = 0.f;
+        const int end = moment_begin[i + 1];
         #pragma unroll 4
-        for (int k = forces; k < forces_end; k += LANES) {
-            const int word = force[k], element = word >> 2;
-            const float part = scale[element], *const a = F + 12 * element + (word & 3);
-            for (int j = 0; j < 3; ++j) f[j] = fmaf(part, a[4 * j], f[j]);
-            if (AIR && element < flat) {
-                damp += drag[element];
-                for (int j = 0; j < 3; ++j) blow[j] += F[12 * element + 4 * j + 3];
-            }
+        for (int k = moment_begin[i]; k < end; ++k) {
+            const float4 a = value[moment[k]], b = C[moment[k] / SLOTS];
+            u += fmaf(a.x, b.x, fmaf(a.y, b.y, a.z * b.z));
         }
-        SUM_LANES
-        if (AIR) {                                                  // one Newton step of drag, which cannot overshoot then
-            const float part = 1.f / (1.f + 2.f * (last ? step.close : kick) * w * damp);
-            for (int k = 0; k < 3; ++k) f[k] = fmaf(part, blow[k], f[k]);
-        }
-        if (last) {
-            for (int k = 0; k < 3 && w > 0.f; ++k) {
-                const float y = step.close * (w * f[k] + gravity[k] - decay * q[k]) + r0[k], v1 = v0[k] + y;
-                r0[k] = y - (v1 - v0[k]);
-                v0[k] = v1;
-            }
-            break;
-        }
-        if (w > 0.f) {
-            for (int k = 0; k < 3; ++k) {
-                const float a = w * f[k] + gravity[k] - decay * q[k], y = kick * a + r0[k], v1 = v0[k] + y;
-                r0[k] = y - (v1 - v0[k]);
-                v0[k] = v1;
-                const float move = step.drift * v1 + s[k], d1 = d0[k] + move;
-                s[k] = move - (d1 - d0[k]);
-                d0[k] = d1;
-                q[k] = v1 + step.ahead * a;
-            }
-            if (BOUNDED && !(d0[0] * d0[0] + d0[1] * d0[1] + d0[2] * d0[2] <= room2)) room2 = -2.f;
-        } else if (moves && (sub < 2 || step.stride)) {
-            for (int k = 0; k < 3; ++k) {
-                const float d1 = goal[k] - x0[k];
-                v0[k] = q[k] = (d1 - d0[k]) / step.h;
-                d0[k] = d1;
-            }
-        }
-        from = 1 - from;
-        const float4 d1 = make_float4(d0[0], d0[1], d0[2], 0.f), q1 = make_float4(q[0], q[1], q[2], 0.f);
-        if (mine && lane == 0) {
-            (GRID ? mail[points * from + g0] : D[S * from + p]) = D[S * from + p] = d1;
-            if (RATES) (GRID ? mail[points * (2 + from) + g0] : Q[S * from + p]) = Q[S * from + p] = q1;
-        }
-        for (int k = pushes; k < pushes_end; k += LANES) {
-            const int block = push[k] >> 16, slot = push[k] & 0xffff;
-            send(block, D + S * from + slot, d1, sub);
-            if (RATES) send(block, Q + S * from + slot, q1, sub);
-        }
-        kick = step.later;
-        if (moves && step.stride && sub + 1 < step.count) {
-            goals += 3 * c.target.shape[1];
-            for (int k = 0; k < 3; ++k) goal[k] = goals[k];
-        }
-        if (!GRID) {
-            CLUSTER_WAITS
-        } else {                                                    // blocks wait for those that they share points with
-            BLOCK_MEETS
-            if (t == 0) say(h.turn.data + rank, sub + 1);
-            if (t < head[2 * 13 + 1]) hear(h.turn.data + at(13, t), sub + 1);
-            BLOCK_MEETS
-            if (guest >= 0) {
-                D[S * from + owned + t] = fresh(mail + points * from + guest);
-                if (RATES) Q[S * from + owned + t] = fresh(mail + points * (2 + from) + guest);
-            }
-            BLOCK_MEETS
+        scale[flat + i] = -fmaf(slope[i], u, kept[i]);
+    }
+    BLOCK_MEETS
+    float f[3] = {0, 0, 0}, blow[3] = {0, 0, 0}, damp = 0.f;
+    #pragma unroll 4
+    for (int k = own.force; k < own.forces_end; k += LANES) {
+        const int word = force[k], element = word >> 2;
+        const float part = scale[element], *const a = F + 12 * element + (word & 3);
+        for (int j = 0; j < 3; ++j) f[j] = fmaf(part, a[4 * j], f[j]);
+        if (AIR && element < flat) {
+            damp += drag[element];
+            for (int j = 0; j < 3; ++j) blow[j] += F[12 * element + 4 * j + 3];
         }
     }
-    if (!GRID) { CLUSTER_ENDS }                                     // nobody leaves while others may still send to it
-    if (BOUNDED && room2 < -1.5f) atomicMax(h.met.data, 1);
-    if (mine && lane == 0)
-        for (int k = 0; k < 3; ++k) {
-            const float x1 = x0[k] + d0[k];
-            y3[3 * g0 + k] = x1;
-            e3[3 * g0 + k] = (d0[k] - (x1 - x0[k])) + s[k];
-            v3_[3 * g0 + k] = v0[k];
-            r3[3 * g0 + k] = r0[k];
-        }
+    SUM_LANES
+    if (AIR) {                                                  // one Newton step of drag, which cannot overshoot then
+        const float part = 1.f / (1.f + 2.f * kick * own.w * damp);
+        for (int k = 0; k < 3; ++k) f[k] = fmaf(part, blow[k], f[k]);
+    }
+    for (int k = 0; k < 3; ++k) own.a[k] = own.w * f[k] + own.gravity[k] - own.decay * own.q[k];
 """
+SEND = """
+    const int t = THREAD, rank = RANK, from = 1 - (sub & 1), points = c.object.shape[0];
+    const int there = own.there, owned = own.owned;
+    float4* const mail = (float4*)h.mail.data;                      // displacements of all points, twice; velocities
+    if (ACTS && LANES > 1)                                         // the first lane of a point knows what it met
+        for (int k = 0; k < 3; ++k) {
+            own.d[k] = __shfl_sync(0xffffffffu, own.d[k], 0, LANES);
+            own.q[k] = __shfl_sync(0xffffffffu, own.q[k], 0, LANES);
+        }
+    const float4 d1 = make_float4(own.d[0], own.d[1], own.d[2], 0.f), q1 = make_float4(own.q[0], own.q[1], own.q[2], 0.f);
+    if (own.point >= 0 && own.lane == 0) {
+        const int p = t / LANES;
+        (GRID ? mail[points * from + own.point] : D[S * from + p]) = D[S * from + p] = d1;
+        if (RATES) (GRID ? mail[points * (2 + from) + own.point] : Q[S * from + p]) = Q[S * from + p] = q1;
+    }
+    for (int k = own.push; k < own.pushes_end; k += LANES) {
+        const int block = push[k] >> 16, slot = push[k] & 0xffff;
+        send(block, D + S * from + slot, d1, sub);
+        if (RATES) send(block, Q + S * from + slot, q1, sub);
+    }
+    if (own.moves && step.stride && sub + 1 < step.count) {
+        const float* goals = (const float*)c.target.data + 3 * ((step.row + sub + 1) * c.target.shape[1] + own.column);
+        for (int k = 0; k < 3; ++k) own.goal[k] = goals[k];
+    }
+    if (!GRID) {
+        CLUSTER_WAITS
+    } else {                                                        // blocks wait for those that they share points with
+        BLOCK_MEETS
+        if (t == 0) say(h.turn.data + rank, sub + 1);
+        if (own.near >= 0) hear(h.turn.data + own.near, sub + 1);
+        BLOCK_MEETS
+        if (own.guest >= 0) {
+            D[S * from + owned + t] = fresh(mail + points * from + own.guest);
+            if (RATES) Q[S * from + owned + t] = fresh(mail + points * (2 + from) + own.guest);
+        }
+        BLOCK_MEETS
+    }
+"""
+
 @cache
 def sheets(real):
     """Struct of the patches, and of the elements that they are made of: reads only, but for met."""
@@ -263,38 +243,44 @@ def sheets(real):
     return Sheets
 
 
-def sizes(plan, damped: bool, bounded: bool) -> str:
+def sizes(plan, damped: bool, bounded: bool, acts: bool) -> str:
     """Constants of the code."""
     numbers = {"S": plan.points, "OWN": plan.own, "FLATS": plan.triangles, "BENT": plan.bent, "HINGES": plan.hinges,
-               "CURVED": plan.curved, "MOMENTS": plan.moments, "FORCES": plan.forces, "THREADS": plan.threads,
-               "LANES": plan.lanes, "SLOTS": SLOTS, "LISTS": len(LISTS)}
-    flags = {"DAMPED": damped, "AIR": plan.air, "RATES": damped or plan.air, "BOUNDED": bounded, "GRID": plan.grid}
+               "CURVED": plan.curved, "MOMENTS": plan.moments, "FORCES": plan.forces, "PUSHES": plan.pushes,
+               "THREADS": plan.threads, "LANES": plan.lanes, "SLOTS": SLOTS, "LISTS": len(LISTS)}
+    flags = {"DAMPED": damped, "AIR": plan.air, "RATES": damped or plan.air, "BOUNDED": bounded, "GRID": plan.grid,
+             "ACTS": acts}
     return (f"constexpr int {', '.join(f'{k} = {v}' for k, v in numbers.items())};\n"
             f"    constexpr bool {', '.join(f'{k} = {int(v)}' for k, v in flags.items())};\n    {NUMBERS}\n")
 
 
-def code(plan, damped: bool, bounded: bool) -> str:
-    """The body of the kernel."""
-    text = "".join((sizes(plan, damped, bounded), ROOM, FILL, ARITHMETIC, HINGE, TRIANGLE, OWN, SUBSTEPS))
+@cache
+def passes(real, plan, damped: bool, bounded: bool = False, acts: bool = False):
+    """(enter, forces, send, leave): functions of a block's threads, which all call them. enter: fills the block's memory, and
+    what a thread keeps (`owned`); forces: accelerations [m/s^2] of substep `sub`, kick [s] its own; send: displacements to
+    neighbours, and waits for theirs; leave: waits for all. bounded: frames are watched; acts: of the threads of a point, the
+    first alone knows where it went."""
+    vec3, Net, Sheets, Step, Own = types(real).vec3, net(real), sheets(real), steps(real), owned(real)
+    start = sizes(plan, damped, bounded, acts) + ROOM
+
+    @wp.func_native(native(start + FILL + OWN))
+    def enter(c: Net, h: Sheets, step: Step, x: wp.array(dtype=vec3), e: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
+              r: wp.array(dtype=vec3), own: wp.ref[Own]): ...
+
+    @wp.func_native(native(start + COUNTS + ARITHMETIC + HINGE + TRIANGLE + FORCES))
+    def forces(own: wp.ref[Own], kick: real, sub: int): ...
+
+    @wp.func_native(native(start + SEND))
+    def send(c: Net, h: Sheets, step: Step, own: wp.ref[Own], sub: int): ...
+
+    @wp.func_native(native("CLUSTER_ENDS" * (not plan.grid)))
+    def leave(): ...
+
+    return enter, forces, send, leave
+
+
+def native(text: str) -> str:
+    """CUDA code of a function, empty for older devices."""
     for word, meant in WORDS.items():
         text = re.sub(rf"\b{word}\b", lambda _, meant=meant: meant, text)
-    return text
-
-
-@cache
-def frame(real, module, plan, damped: bool, bounded: bool = False):
-    """Kernel, launched over plan.size blocks of plan.threads (`wsim.physics.fused.domains.Plan`): as kernels/motion/cluster.py
-    has it, of sheets alone. bounded: frames are watched."""
-    vec3, Net, Sheets, Step = types(real).vec3, net(real), sheets(real), steps(real)
-
-    @wp.func_native(BEFORE + code(plan, damped, bounded) + "#endif\n")
-    def march(c: Net, h: Sheets, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3), e: wp.array(dtype=vec3),
-              v: wp.array(dtype=vec3), r: wp.array(dtype=vec3)): ...
-
-    def frame(c: Net, h: Sheets, x: wp.array(dtype=vec3), step: Step, x_out: wp.array(dtype=vec3),
-              e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
-        room = wp.tile_empty(shape=wp.static(plan.words), dtype=float, storage="shared")      # `sheet_room`   # noqa: F841
-        march(c, h, x, step, x_out, e_out, v_out, r_out)
-
-    return wp.kernel(frame, name="frame_sheets" + "_bounded" * bounded, module=module, enable_backward=False,
-                     grid_stride=False, launch_bounds=plan.threads, cluster_dim=1 if plan.grid else plan.size)
+    return f"{BEFORE}{text}\n#endif\n"

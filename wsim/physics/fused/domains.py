@@ -72,7 +72,7 @@ class Plan:
         reals = 12 * (self.triangles + self.bent) + self.triangles + 2 * self.bent + self.hinges + self.bent
         integers = 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
         return (FOUR * (vectors + (2 + self.air) * self.triangles) + reals + (1 + 2 * self.air) * self.triangles
-                + integers + 3 * FOUR)
+                + integers + 4 * FOUR)
 
 
 def halves(x: np.ndarray, index: np.ndarray, size: int) -> list[np.ndarray]:

@@ -107,8 +107,8 @@ class ForceGather:
         """Kernel that takes whole frames by a cluster. bounded: frames are watched."""
         plan, real = self.cluster, self.model.real
         if self.domains:
-            from wsim.kernels.fused import sheet
-            return sheet.frame(real, self.model.module_of(plan.threads), plan, self.damped, bounded)
+            from wsim.kernels.fused import march
+            return march.frame(real, self.model.module_of(plan.threads), plan, self.damped, bounded)
         from wsim.kernels.motion import cluster
         return cluster.frame(real, self.model.module_of(plan.threads), plan, bounded)
 

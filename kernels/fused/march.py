@@ -1,0 +1,45 @@
+"""Kernels of whole frames of explicit steps of sheets in one launch, by a cluster or a grid of blocks (CUDA): what a block does
+is kernels/fused/sheet.py, how a point moves own.py."""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.cloth.spring import net
+from wsim.kernels.fused.own import ending, moving, owned
+from wsim.kernels.fused.sheet import passes, sheets
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.explicit import steps
+
+
+@cache
+def frame(real, module, plan, damped: bool, bounded: bool = False):
+    """Kernel, launched over plan.size blocks of plan.threads (`wsim.physics.fused.domains.Plan`): as kernels/motion/cluster.py
+    has it, of sheets. bounded: frames are watched."""
+    Net, Sheets, Step, Own, vectors = net(real), sheets(real), steps(real), owned(real), wp.array(dtype=types(real).vec3)
+    enter, forces, send, leave = passes(real, plan, damped, bounded)
+    (kicked, moved), finish = moving(real), ending(real)
+
+    def frame(c: Net, h: Sheets, x: vectors, step: Step, x_out: vectors, e_out: vectors, v_out: vectors, r_out: vectors):
+        room = wp.tile_empty(shape=wp.static(plan.words), dtype=float, storage="shared")      # `sheet_room`   # noqa: F841
+        own = Own()
+        enter(c, h, step, x, e_out, v_out, r_out, own)
+        for sub in range(step.count + wp.where(step.close > real(0.0), 1, 0)):
+            kick = wp.where(sub == 0, step.kick, step.later)
+            if sub == step.count:
+                kick = step.close
+            forces(own, kick, sub)
+            if sub < step.count:
+                moved(own, kick, step, sub)
+                send(c, h, step, own, sub)
+            else:
+                kicked(own, kick)
+        leave()
+        if wp.static(bounded):
+            if own.room < real(-1.5):
+                wp.atomic_max(h.met, 0, 1)
+        if own.point >= 0 and own.lane == 0:
+            finish(own, own.v, x_out, e_out, v_out, r_out)
+
+    return wp.kernel(frame, name="frame_sheets" + "_bounded" * bounded, module=module, enable_backward=False,
+                     grid_stride=False, launch_bounds=plan.threads, cluster_dim=1 if plan.grid else plan.size)
