@@ -176,8 +176,7 @@ def _auto(model: Model) -> Choice:
     if reason:
         return replace(xpbd, why=stall or reason)
     from wsim.physics.motion.frequency import RowSums, bound
-    rows = RowSums(model)
-    omega, c = bound(model, rows=rows)
+    omega, c = bound(model, rows=(rows := RowSums(model)))
     n = _struck(model, needed(scene, leapfrog, omega, c))
     explicit = cost.seconds(model, cost.explicit(model, n))
     sweeps = cost.seconds(model, cost.sweeps(model, xpbd.substeps, xpbd.iterations))
@@ -204,10 +203,9 @@ def _auto(model: Model) -> Choice:
 
 
 def slowed(model: Model, rows) -> tuple[int, str]:
-    """Substeps of leapfrog where slivers have more mass, and what was done to which; (0, "") where none would have. rows:
-    `wsim.physics.motion.frequency.RowSums`."""
-    from wsim.physics.fused import stiff_few
-    said, bound = stiff_few.tried(model, rows)
+    """Substeps of leapfrog where slivers have more mass, and what was done to which; (0, "") where none would have."""
+    from wsim.physics.fused.stiff_few import tried
+    said, bound = tried(model, rows)
     return (_struck(model, needed(model.scene, TABLE["leapfrog"], *bound)), said) if said else (0, "")
 
 
