@@ -8,8 +8,8 @@ other domains, three rings of them (for tets one): blocks send each other these,
 
 at a bar the threads of a block wait for each other, at the last for neighbours. Elements at the edge of a domain are computed
 by two blocks or more, alike. A point's forces are gathered by LANES threads in a fixed order, so the bits are the same every
-time; they differ from launch by launch by rounding. Kernels: march.py, motion: own.py. Air is taken at the velocity that damping sees, not at that of
-the end of the substep. Tables: `wsim.physics.fused.domains`.
+time; they differ from launch by launch by rounding. Kernels: march.py, motion: own.py. Air is taken at the velocity that
+damping sees, not at that of the end of the substep. Tables: `wsim.physics.fused.domains`.
 """
 
 import re
@@ -246,7 +246,9 @@ def passes(real, plan, damped: bool, bounded: bool = False, acts: bool = False):
     def enter(c: Net, h: Sheets, step: Step, x: wp.array(dtype=vec3), e: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
               r: wp.array(dtype=vec3), own: wp.ref[Own]): ...
 
-    @wp.func_native(native(start + COUNTS + ARITHMETIC + HINGE + TRIANGLE + tet_elements.code(solid) + tet_elements.called(solid, FORCES)))
+    elements = ARITHMETIC + HINGE + TRIANGLE + tet_elements.code(solid)
+
+    @wp.func_native(native(start + COUNTS + elements + tet_elements.called(solid, FORCES)))
     def forces(own: wp.ref[Own], kick: real, sub: int): ...
 
     @wp.func_native(native(start + SEND))
