@@ -1,13 +1,14 @@
-"""Kernels of whole frames of explicit steps of sheets in one launch, by a cluster or a grid of blocks (CUDA): what a block does
-is kernels/fused/sheet.py, how a point moves own.py."""
+"""Kernels of whole frames of explicit steps of sheets and solids in one launch, by a cluster or a grid of blocks (CUDA): what a
+block does is kernels/fused/sheet.py, how a point moves own.py."""
 
 from functools import cache
 
 import warp as wp
 
 from wsim.kernels.cloth.spring import net
+from wsim.kernels.fused.domains import sheets
 from wsim.kernels.fused.own import ending, moving, owned
-from wsim.kernels.fused.sheet import passes, sheets
+from wsim.kernels.fused.sheet import passes
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import steps
 
@@ -15,8 +16,9 @@ from wsim.kernels.motion.explicit import steps
 @cache
 def frame(real, module, plan, damped: bool, bounded: bool = False):
     """Kernel, launched over plan.size blocks of plan.threads (`wsim.physics.fused.domains.Plan`): as kernels/motion/cluster.py
-    has it, of sheets. bounded: frames are watched."""
-    Net, Sheets, Step, Own, vectors = net(real), sheets(real), steps(real), owned(real), wp.array(dtype=types(real).vec3)
+    has it. bounded: frames are watched."""
+    Net, Sheets, Step = net(real), sheets(real, plan.materials), steps(real)
+    Own, vectors = owned(real), wp.array(dtype=types(real).vec3)
     enter, forces, send, leave = passes(real, plan, damped, bounded)
     (kicked, moved), finish = moving(real), ending(real)
 
@@ -42,4 +44,4 @@ def frame(real, module, plan, damped: bool, bounded: bool = False):
             finish(own, own.v, x_out, e_out, v_out, r_out)
 
     return wp.kernel(frame, name="frame_sheets" + "_bounded" * bounded, module=module, enable_backward=False,
-                     grid_stride=False, launch_bounds=plan.threads, cluster_dim=1 if plan.grid else plan.size)
+                     grid_stride=False, launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)

@@ -46,6 +46,7 @@ def owned(real):
         curved: int
         bent: int
         owned: int
+        tets: int
         force: int               # places of forces that the thread gathers, and of copies that it sends
         forces_end: int
         push: int

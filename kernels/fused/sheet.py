@@ -1,15 +1,15 @@
-"""Forces of sheets that a cluster of blocks shares for a whole frame in one launch (CUDA, sm_90 and up; float32).
+"""Forces of sheets and solids that a cluster of blocks shares for a whole frame in one launch (CUDA, sm_90 and up; float32).
 
-A block has a domain of points and computes all that acts on them: the triangles and hinges at its points, the curvatures that
-these hinges need, the angles of all hinges that those curvatures need. For that it needs places of the points of other domains,
-three rings of them: blocks send each other these, once a substep. All else stands in shared memory:
+A block has a domain of points and computes all that acts on them: the triangles, hinges and tets at its points, the
+curvatures that these hinges need, the angles of all hinges that those curvatures need. For that it needs places of points of
+other domains, three rings of them (for tets one): blocks send each other these, once a substep. All else is in shared memory:
 
-    angles of hinges, forces of triangles | curvatures | moments | points gather forces, move, are sent | neighbours are awaited
+    angles of hinges, forces of triangles, tets | curvatures | moments | points gather forces, move, are sent | neighbours
 
-at a bar the threads of a block wait for each other. Elements at the edge of a domain are computed by two blocks or more, alike.
-A point's forces are gathered by LANES threads in a fixed order, so the bits are the same every time; they differ from launch by
-launch by rounding. Kernels: march.py, motion: own.py. Air is taken at the velocity that damping sees, not at that of
-the end of the substep. Tables: `wsim.physics.fused.domains`.
+at a bar the threads of a block wait for each other, at the last for neighbours. Elements at the edge of a domain are computed
+by two blocks or more, alike. A point's forces are gathered by LANES threads in a fixed order, so the bits are the same every
+time; they differ from launch by launch by rounding. Kernels: march.py, motion: own.py. Air is taken at the velocity that
+damping sees, not at that of the end of the substep. Tables: `wsim.physics.fused.domains`.
 """
 
 import re
@@ -19,14 +19,14 @@ import warp as wp
 
 from wsim.kernels.cloth import curvature
 from wsim.kernels.cloth.spring import net
+from wsim.kernels.fused import tet_elements
 from wsim.kernels.fused.blocks import BEFORE, WORDS
+from wsim.kernels.fused.domains import LISTS, sheets
 from wsim.kernels.fused.own import owned
 from wsim.kernels.fused.sheet_elements import ARITHMETIC, HINGE, NUMBERS, TRIANGLE
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import steps
 
-LISTS = ("point", "hinge", "hinge_corner", "triangle", "corner", "slot", "moment_begin", "moment", "force_begin", "force",
-         "push_begin", "push", "value", "near")
 SLOTS = curvature.SLOTS
 ROOM = """
     float4* const X = (float4*)sheet_room + 1;                      // positions where the frame begins; before: `gates`
@@ -38,9 +38,11 @@ ROOM = """
     float4* const B = C + CURVED;                                   // rest and stiffness of triangles
     float4* const K = B + FLATS;
     float4* const P = K + FLATS;                                    // of hinges
-    float* const F = (float*)(P + HINGES);
-    float* const scale = F + 12 * (FLATS + BENT);                   // of the forces of an element: of hinges, the moment
-    float* const z = scale + FLATS + BENT;
+    float4* const T = P + HINGES;                                   // of tets
+    float4* const R = T + 6 * TETS;
+    float* const F = (float*)(R + TETS);
+    float* const scale = F + 12 * (FLATS + BENT + TETS);            // of the forces of an element: of hinges, the moment
+    float* const z = scale + FLATS + BENT + TETS;
     float* const slope = z + HINGES;
     float* const kept = slope + BENT;
     float* const tau = kept + BENT;
@@ -60,7 +62,7 @@ FILL = """
     const int *const head = h.head.data + 2 * LISTS * rank, *const list = h.list.data;
     auto at = [=](int k, int i) { return list[head[2 * k] + i]; };
     const int there = head[1], angles = head[3], flat = head[7], curved = head[11] / SLOTS, bent = head[13] - 1,
-              owned = head[17] - 1;
+              owned = head[17] - 1, tets = head[29];
     const float *const x3 = (const float*)x.data;
     const float *const e3 = (const float*)e.data, *const v3_ = (const float*)v.data, *const r3 = (const float*)r.data;
     for (int i = t; i < there; i += THREADS) {
@@ -120,6 +122,7 @@ OWN = """
     const float* goals = (const float*)c.target.data + 3 * (step.row * c.target.shape[1] + own.column);
     for (int k = 0; k < 3 && own.moves; ++k) own.goal[k] = goals[k];
     own.there = there;  own.angles = angles;  own.flat = flat;  own.curved = curved;  own.bent = bent;  own.owned = owned;
+    own.tets = tets;
     own.guest = GRID && owned + t < there ? at(0, owned + t) : -1;
     own.near = GRID && t < head[2 * 13 + 1] ? at(13, t) : -1;
     if (!GRID) { CLUSTER_BEGINS } else { BLOCK_MEETS }
@@ -129,14 +132,17 @@ OWN = """
     own.pushes_end = mine && !GRID ? push_begin[p + 1] : 0;
 """
 COUNTS = """
-    const int t = THREAD, from = sub & 1, angles = own.angles, flat = own.flat, curved = own.curved, bent = own.bent;
+    const int t = THREAD, from = sub & 1, angles = own.angles, flat = own.flat, curved = own.curved, bent = own.bent,
+              tets = own.tets;
 """
 FORCES = """
     const float4 *const d = D + S * from, *const rate = Q + S * from;
     const int first = (angles + 31) / 32 * 32;                  // of the triangles: warps take one kind
-    for (int i = t; i < first + flat; i += THREADS) {
+    const int solid = first + (flat + 31) / 32 * 32;
+    for (int i = t; i < (tets ? solid + tets : first + flat); i += THREADS) {
         if (i < angles) hinge(i, d, rate);
-        else if (i >= first) triangle(i - first, d, rate);
+        else if (i >= first && i - first < flat) triangle(i - first, d, rate);
+        ELSE_TET
     }
     BLOCK_MEETS
     for (int i = t; i < curved; i += THREADS) {
@@ -146,7 +152,7 @@ FORCES = """
         for (int k = 0; k < SLOTS; ++k) sum = more(z[FLOAT_AS_INT(a[k].w)], v3(a[k].x, a[k].y, a[k].z), sum);
         C[i] = make_float4(sum.x, sum.y, sum.z, 0.f);
     }
-    BLOCK_MEETS
+    if (bent) BLOCK_MEETS
     for (int i = t; i < bent; i += THREADS) {
         float u = 0.f;
         const int end = moment_begin[i + 1];
@@ -157,7 +163,7 @@ FORCES = """
         }
         scale[flat + i] = -fmaf(slope[i], u, kept[i]);
     }
-    BLOCK_MEETS
+    if (bent) BLOCK_MEETS
     float f[3] = {0, 0, 0}, blow[3] = {0, 0, 0}, damp = 0.f;
     #pragma unroll 4
     for (int k = own.force; k < own.forces_end; k += LANES) {
@@ -215,39 +221,12 @@ SEND = """
     }
 """
 
-@cache
-def sheets(real):
-    """Struct of the patches, and of the elements that they are made of: reads only, but for met."""
-    t = types(real)
-
-    @wp.struct
-    class Sheets:
-        head: wp.array(dtype=int)            # first place in `list` and size of each of LISTS, (blocks * LISTS * 2,)
-        list: wp.array(dtype=int)
-        rest: wp.array(dtype=t.mat22)        # of triangles, as kernels/cloth/element.py has them
-        stiffness: wp.array(dtype=t.vec4)
-        tau: wp.array(dtype=t.scalar)
-        angle: wp.array(dtype=t.scalar)      # of hinges
-        bend: wp.array(dtype=t.scalar)
-        relax: wp.array(dtype=t.scalar)
-        own: wp.array(dtype=t.scalar)        # of curvatures
-        value: wp.array(dtype=t.vec3)
-        wind: wp.array(dtype=t.vec3)         # and drag and lift of the air over each object: kernels/cloth/air.py
-        drag: wp.array(dtype=t.scalar)
-        lift: wp.array(dtype=t.scalar)
-        room: wp.array(dtype=t.scalar)       # clearance [m], (points,); of frames that are watched
-        met: wp.array(dtype=int)             # becomes 1 where a point goes further
-        mail: wp.array(dtype=t.vec4)         # what blocks of a grid send, (4 points,)
-        turn: wp.array(dtype=int)            # substeps that each has sent; 0 where a frame begins
-
-    return Sheets
-
 
 def sizes(plan, damped: bool, bounded: bool, acts: bool) -> str:
     """Constants of the code."""
     numbers = {"S": plan.points, "OWN": plan.own, "FLATS": plan.triangles, "BENT": plan.bent, "HINGES": plan.hinges,
                "CURVED": plan.curved, "MOMENTS": plan.moments, "FORCES": plan.forces, "PUSHES": plan.pushes,
-               "THREADS": plan.threads, "LANES": plan.lanes, "SLOTS": SLOTS, "LISTS": len(LISTS)}
+               "THREADS": plan.threads, "LANES": plan.lanes, "TETS": plan.tets, "SLOTS": SLOTS, "LISTS": len(LISTS)}
     flags = {"DAMPED": damped, "AIR": plan.air, "RATES": damped or plan.air, "BOUNDED": bounded, "GRID": plan.grid,
              "ACTS": acts}
     return (f"constexpr int {', '.join(f'{k} = {v}' for k, v in numbers.items())};\n"
@@ -260,14 +239,16 @@ def passes(real, plan, damped: bool, bounded: bool = False, acts: bool = False):
     what a thread keeps (`owned`); forces: accelerations [m/s^2] of substep `sub`, kick [s] its own; send: displacements to
     neighbours, and waits for theirs; leave: waits for all. bounded: frames are watched; acts: of the threads of a point, the
     first alone knows where it went."""
-    vec3, Net, Sheets, Step, Own = types(real).vec3, net(real), sheets(real), steps(real), owned(real)
-    start = sizes(plan, damped, bounded, acts) + ROOM
+    vec3, Net, Sheets, Step, Own = types(real).vec3, net(real), sheets(real, plan.materials), steps(real), owned(real)
+    solid, start = plan.materials, sizes(plan, damped, bounded, acts) + ROOM
 
-    @wp.func_native(native(start + FILL + OWN))
+    @wp.func_native(native(start + FILL + tet_elements.fill(solid) + OWN))
     def enter(c: Net, h: Sheets, step: Step, x: wp.array(dtype=vec3), e: wp.array(dtype=vec3), v: wp.array(dtype=vec3),
               r: wp.array(dtype=vec3), own: wp.ref[Own]): ...
 
-    @wp.func_native(native(start + COUNTS + ARITHMETIC + HINGE + TRIANGLE + FORCES))
+    elements = ARITHMETIC + HINGE + TRIANGLE + tet_elements.code(solid)
+
+    @wp.func_native(native(start + COUNTS + elements + tet_elements.called(solid, FORCES)))
     def forces(own: wp.ref[Own], kick: real, sub: int): ...
 
     @wp.func_native(native(start + SEND))

@@ -23,7 +23,8 @@
                                 time / step), as the iterations of its solve go; a rigid body, or what else
                                 other methods move, in a substep
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
-    sheet, shared, sent         a substep of sheets that blocks share, the work of a block, what a grid of blocks takes to send
+    sheet, shared, sent         a substep of sheets and tets that blocks share, the work of a block, what a grid of them takes
+                                to send
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
 
@@ -61,6 +62,7 @@ COSTS = {
             "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
+SHARED_TET = 10.0      # work of a tet that blocks share, in that of sheets
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 ITERATED = 2048        # points of a sheet, up to which a cluster of CLUSTER blocks has its rows in registers
@@ -84,7 +86,7 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     if marched(model, kinds):
         from wsim.physics.fused.domains import OWN
         blocks = CLUSTER if model.points <= OWN * CLUSTER else GRID
-        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * work / blocks}
+        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * (work + SHARED_TET * tets) / blocks}
     if packed(model, kinds):
         scene = model.scene
         aired = n * model.points * any(c.drag or c.lift for c in scene.cloths)
@@ -98,13 +100,14 @@ def explicit(model: Model, n: int) -> dict[str, float]:
 
 
 def marched(model: Model, kinds: set[str]) -> bool:
-    """True if blocks of a GPU share sheets and take whole frames: see `wsim.physics.fused.domains`."""
+    """True if blocks of a GPU share sheets and soft bodies and take whole frames: see `wsim.physics.fused.domains`."""
     if not model.device.is_cuda:
         return False
     from wsim.physics.fused.domains import KINDS, SHARED
     scene = model.scene
-    within = scene.colliders or scene.softs or scene.loads or _hard(model) or touches(scene) or carried(scene)
-    return (model.device.arch >= 90 and bool(kinds) and kinds <= KINDS and not within
+    within = scene.colliders or scene.loads or _hard(model) or touches(scene) or carried(scene)
+    apart = any(s.quadratic or s.pressure or any(m.yield_strain < inf for m in s.materials) for s in scene.softs)
+    return (model.device.arch >= 90 and bool(kinds or scene.softs) and kinds <= KINDS and not (within or apart)
             and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1 and not model.gradients
             and all(p.stiffness == inf for p in scene.pins))
 

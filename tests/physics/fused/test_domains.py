@@ -7,7 +7,8 @@ from tests.physics.fused.test_fused import sheet
 from wsim.kernels.cloth.curvature import SLOTS
 from wsim.model.model import build
 from wsim.physics.cloth.constraints import constrain
-from wsim.physics.fused.domains import Domains, Plan, halves
+from wsim.physics.fused.domains import NONE, Domains, Plan, halves
+from wsim.scene import shapes
 
 wp = pytest.importorskip("warp")
 SIZES = [1, 4, 16]
@@ -55,6 +56,28 @@ def test_blocks_gather_the_forces_of_the_whole(parts, size):
         forces = np.concatenate([np.pad(at[d["triangle"]], ((0, 0), (0, 1), (0, 0))),
                                  np.array(u).reshape(-1, 1, 1) * G[d["hinge"][:bent]]])
         for i, a, b in zip(own, d["force_begin"][:-1], d["force_begin"][1:], strict=True):
+            found[i] = sum(forces[word >> 2, word & 3] for word in d["force"][a:b])
+    assert np.allclose(found, whole, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_blocks_gather_the_forces_of_tets_beside_sheets(parts, size):
+    """Forces of random numbers at the corners of triangles and tets."""
+    x, triangles, _, _ = parts
+    points, tets = shapes.block((0.4, 0.2, 0.2), (6, 3, 3))
+    x, tets = np.concatenate([x, points]), tets + len(x)
+    at = [np.random.default_rng(k).normal(size=(len(ids), 4, 3)) for k, ids in enumerate((triangles, tets))]
+    at[0][:, 3] = 0.0
+    whole = np.zeros_like(x)
+    np.add.at(whole, triangles, at[0][:, :3])
+    np.add.at(whole, tets, at[1])
+    found, mine = np.full_like(x, np.nan), Domains(x, triangles, NONE, {}, size, True, False, tets)
+    for d, own in zip(mine.blocks, mine.own, strict=True):
+        words = d["tet_corner"].reshape(-1, 2)
+        corners = np.stack([words & 0xffff, words >> 16], axis=2).reshape(-1, 4)
+        assert np.array_equal(d["point"][corners], tets[d["tet"]])
+        forces, begin = np.concatenate([at[0][d["triangle"]], at[1][d["tet"]]]), d["force_begin"]
+        for i, a, b in zip(own, begin[:-1], begin[1:], strict=True):
             found[i] = sum(forces[word >> 2, word & 3] for word in d["force"][a:b])
     assert np.allclose(found, whole, rtol=0.0, atol=1e-12)
 

@@ -1,32 +1,34 @@
-"""Domains of sheets that a cluster of blocks shares: the points of each block, and what it computes for them.
+"""Domains of sheets and solids that a cluster of blocks shares: the points of each block, and what it computes for them.
 See kernels/fused/sheet.py.
 
     own       the points of a block: halves of equal numbers across the longest side at rest, again and again
     flat      triangles with an own point                  bent      hinges with an own point
     curved    triangles whose curvature they need          hinges    those, and all that these curvatures need
+    tets      with an own point
     points    own points, then those of other blocks that any of these has
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from wsim.geometry.topology import incident, slots
 from wsim.kernels.cloth.curvature import SLOTS
-from wsim.kernels.fused.sheet import LISTS, sheets
+from wsim.kernels.fused import tet_elements
+from wsim.kernels.fused.domains import LISTS, sheets
 from wsim.kernels.math.real import types
+from wsim.kernels.soft import fem
 from wsim.model.structs import filled
+from wsim.physics.cloth.elements import Elements
 from wsim.physics.motion.cluster import LARGE, MANY
-
-if TYPE_CHECKING:
-    from wsim.model.model import Model
-    from wsim.physics.cloth.elements import Elements
+from wsim.physics.soft.fem import Tetrahedra
 
 KINDS = {"membrane", "dihedral"}
+NONE = np.zeros((0, 4), int)
 MOST = 1024            # threads of a block
 ROOM = 227 * 1024 - 4 * MOST - 1024        # bytes of shared memory of a block, less what Warp keeps there
 OWN, SHARED = 140, 12_000        # points for which a block of a cluster has memory, and all of a grid
@@ -49,6 +51,8 @@ class Plan:
     pushes: int
     damped: bool
     air: bool
+    tets: int = FOUR
+    materials: tuple[str, ...] = ()      # of tets: those of kernels/fused/tet_elements.py
 
     @property
     def grid(self) -> bool:
@@ -63,7 +67,7 @@ class Plan:
     @property
     def threads(self) -> int:
         """Threads of a block: an element each, as far as there are registers."""
-        return int(np.clip(-(-(self.hinges + self.triangles) // 32) * 32, 256, 640))
+        return int(np.clip(-(-(self.hinges + self.triangles + self.tets) // 32) * 32, 256, 640))
 
     @property
     def words(self) -> int:
@@ -71,6 +75,7 @@ class Plan:
         vectors = (5 if self.damped or self.air else 3) * self.points + (SLOTS + 1) * self.curved + self.hinges
         reals = 12 * (self.triangles + self.bent) + self.triangles + 2 * self.bent + self.hinges + self.bent
         integers = 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
+        reals += tet_elements.WORDS * self.tets
         return (FOUR * (vectors + (2 + self.air) * self.triangles) + reals + (1 + 2 * self.air) * self.triangles
                 + integers + 4 * FOUR)
 
@@ -89,10 +94,11 @@ class Domains:
     """Lists of every block. `plan`: None where a block's memory does not suffice."""
 
     def __init__(self, x: np.ndarray, triangles: np.ndarray, hinges: np.ndarray, curvature: dict[str, np.ndarray], size: int,
-                 damped: bool, air: bool = False):
-        """x (n, 3) at rest [m]; triangles (t, 3) and hinges (h, 4): points; curvature: `Curvature.tables`, or nothing."""
+                 damped: bool, air: bool = False, tets: np.ndarray = NONE):
+        """x (n, 3) at rest [m]; triangles (t, 3), hinges (h, 4) and tets (m, 4): points; curvature: `Curvature.tables`, or
+        nothing."""
         n = len(x)
-        self.ids = [triangles, hinges]
+        self.ids = [triangles, hinges, tets]
         self.own = halves(x, np.arange(n), size)
         self.block = np.empty(n, int)
         for b, own in enumerate(self.own):
@@ -102,15 +108,16 @@ class Domains:
         self.slot = np.where(used, slot, -1)
         self.moment = np.append(curvature["begin"], curvature["end"][-1:]) if curvature else np.zeros(len(hinges) + 1, int)
         self.moment_item = curvature["item"].astype(np.int64) if curvature else np.zeros(0, int)
-        self.start, self.item = incident(np.concatenate([triangles.ravel(), hinges.ravel()])[:, None], n)
+        self.start, self.item = incident(np.concatenate([ids.ravel() for ids in self.ids])[:, None], n)
         self.of = [incident(self.block[ids], size) for ids in self.ids]          # elements at the points of each block
         self.blocks = [self.domain(b) for b in range(size)]
         self.share()
         self.push()
         most = {name: max(len(each[name]) for each in self.blocks) for name in LISTS}
-        found = {"own": max(map(len, self.own)), "points": most["point"], "triangles": most["triangle"],
-                 "bent": most["moment_begin"] - 1, "hinges": most["hinge"], "curved": most["slot"] // SLOTS,
-                 "moments": most["moment"], "forces": most["force"], "pushes": most["push"]}
+        found: dict[str, Any] = {
+            "own": max(map(len, self.own)), "points": most["point"], "triangles": most["triangle"], "tets": most["tet"],
+            "bent": most["moment_begin"] - 1, "hinges": most["hinge"], "curved": most["slot"] // SLOTS,
+            "moments": most["moment"], "forces": most["force"], "pushes": most["push"]}
         plan = Plan(size, damped=damped, air=air, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
         fits = 4 * plan.words <= ROOM and plan.own <= plan.threads
         if plan.grid:
@@ -120,33 +127,37 @@ class Domains:
 
     def domain(self, b: int) -> dict[str, np.ndarray]:
         """Lists of a block, but for those of what it sends."""
-        own, (triangles, hinges) = self.own[b], self.ids
-        flat, near = (np.unique(listed(*rows, np.array([b]))[0]) for rows in self.of)
+        own, (triangles, hinges, tets) = self.own[b], self.ids
+        flat, near, solid = (np.unique(listed(*rows, np.array([b]))[0]) for rows in self.of)
         moment, moment_begin = listed(self.moment, self.moment_item, near)
         curved = np.unique(moment // SLOTS)
         needed = np.setdiff1d(self.slot[curved], [-1])
         each = np.concatenate([near, np.setdiff1d(needed, near)]).astype(int)
-        points = np.unique(np.concatenate([triangles[flat].ravel(), hinges[each].ravel()]))
+        points = np.unique(np.concatenate([triangles[flat].ravel(), hinges[each].ravel(), tets[solid].ravel()]))
         points = np.concatenate([own, points[self.block[points] != b]])
         at, hinge_at, curved_at = np.full(len(self.block), -1), np.full(len(hinges) + 1, -1), np.full(len(self.slot), -1)
         at[points], hinge_at[each], curved_at[curved] = np.arange(len(points)), np.arange(len(each)), np.arange(len(curved))
-        force, begin = self.forces(own, flat, near)
+        force, begin = self.forces(own, [flat, near, solid])
         return {"point": points, "hinge": each, "hinge_corner": packed(at[hinges[each]]), "triangle": flat,
-                "corner": packed(at[triangles[flat]]), "slot": hinge_at[self.slot[curved]].ravel(),
+                "corner": packed(at[triangles[flat]]), "tet": solid, "tet_corner": packed(at[tets[solid]]),
+                "slot": hinge_at[self.slot[curved]].ravel(),
                 "value": (SLOTS * curved[:, None] + np.arange(SLOTS)).ravel(),
                 "moment_begin": moment_begin,
                 "moment": SLOTS * curved_at[moment // SLOTS] + moment % SLOTS,
                 "force_begin": begin, "force": force}
 
-    def forces(self, own: np.ndarray, flat: np.ndarray, bent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Element << 2 | corner of each force of own points, triangles first, and where those of a point begin."""
-        triangles, hinges = self.ids
+    def forces(self, own: np.ndarray, of: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Element << 2 | corner of each force of own points, kind by kind, and where those of a point begin. of: elements of
+        each kind that the block computes."""
         item, begin = listed(self.start, self.item, own)
-        local = np.full(len(triangles) + len(hinges), -1)
-        local[flat], local[len(triangles) + bent] = np.arange(len(flat)), len(flat) + np.arange(len(bent))
-        folds, last = item >= triangles.size, item - triangles.size
-        element = np.where(folds, len(triangles) + last // 4, item // 3)
-        return local[element] << 2 | np.where(folds, last % 4, item % 3), begin
+        first = np.cumsum([0, *(ids.size for ids in self.ids)])
+        kind = np.searchsorted(first, item, side="right") - 1
+        row, corner = np.divmod(item - first[kind], np.array([ids.shape[1] for ids in self.ids])[kind])
+        element, before = np.full(len(item), -1), 0
+        for k, some in enumerate(of):
+            element[kind == k] = before + np.searchsorted(some, row[kind == k])
+            before += len(some)
+        return element << 2 | corner, begin
 
     def push(self) -> None:
         """block << 16 | place of each copy of an own point in others' memory, and where those of a point begin."""
@@ -195,11 +206,11 @@ def blocks_of(device, points: int) -> list[int]:
 
 
 def shared(pull, air: bool) -> Sheets | None:
-    """Sheets of a `wsim.physics.motion.forces.ForceGather` that nothing acts on but, maybe, the air; None where blocks cannot
+    """Elements of a `wsim.physics.motion.forces.ForceGather` that nothing acts on but, maybe, the air; None where blocks cannot
     take them."""
     if apart(pull) or air and (pull.model.scene.loads or not fanned(pull)):
         return None
-    found = Sheets(pull.model, pull.elements, pull.damped, air)
+    found = Sheets(pull, air)
     return found if found.plan else None
 
 
@@ -207,37 +218,40 @@ def apart(pull) -> bool:
     """True if a cluster cannot take the elements of a model: see kernels/fused/sheet.py."""
     model, device = pull.model, pull.model.device
     return (model.fuses is False or not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE
-            or model.gradients or model.worlds > 1 or model.real is not wp.float32 or bool(pull.springs or pull.tables)
-            or not {getattr(e, "kind", "") for e in pull.elements} <= KINDS)
+            or model.gradients or model.worlds > 1 or model.real is not wp.float32 or bool(pull.springs)
+            or not {e.kind for e in pull.elements if isinstance(e, Elements)} <= KINDS
+            or not all(isinstance(table, Tetrahedra) and table.maths is fem and not table.plastic for table in pull.tables))
 
 
 def fanned(pull) -> bool:
     """True if all triangles that air acts on are membranes."""
     triangles = [b.triangles for b in pull.model.bodies if getattr(b.source, "drag", 0.0) or getattr(b.source, "lift", 0.0)]
-    have = [e.ids for e in pull.elements if e.kind == "membrane"]
+    have = [e.ids for e in pull.elements if isinstance(e, Elements) and e.kind == "membrane"]
     return bool(have) and {*map(tuple, np.sort(np.concatenate(triangles), axis=1).tolist())} <= {
         *map(tuple, np.sort(have[0], axis=1).tolist())}
 
 
 class Sheets:
-    """Membranes and hinges of a model that a cluster takes. `plan` is None where it cannot."""
+    """Membranes, hinges and tets of a model that a cluster takes. `plan` is None where it cannot."""
 
-    def __init__(self, model: Model, elements: list[Elements], damped: bool, air: bool):
+    def __init__(self, pull, air: bool):
         """air: it acts, and on nothing but triangles."""
-        self.model = model
-        of = {e.kind: e for e in elements}
-        flat, bent = of.get("membrane"), of.get("dihedral")
-        none = np.zeros((0, 4), int)
+        self.model = model = pull.model
+        of = {e.kind: e for e in pull.elements if isinstance(e, Elements)}
+        flat, bent, solid = of.get("membrane"), of.get("dihedral"), pull.tables
         for size in blocks_of(model.device, model.points):
-            found = Domains(model.stack("rest"), flat.ids if flat else none[:, :3], bent.ids if bent else none,
-                            bent.curvature.tables() if bent else {}, size, damped, air)
+            found = Domains(model.stack("rest"), flat.ids if flat else NONE[:, :3], bent.ids if bent else NONE,
+                            bent.curvature.tables() if bent else {}, size, pull.damped, air,
+                            np.concatenate([NONE, *(table.ids for table in solid)]))
             if found.plan:
                 break
-        self.plan: Any = found.plan
-        if self.plan is None:
+        if found.plan is None:
+            self.plan: Any = None
             return
+        self.plan = replace(found.plan, materials=tuple(table.material for table in solid))
         head, every = found.lists()
-        self.data: Any = filled(sheets(model.real), head=model.upload(head, int), list=model.upload(every, int))
+        self.data: Any = filled(sheets(model.real, self.plan.materials), **{table.material: table.data for table in solid},
+                                head=model.upload(head, int), list=model.upload(every, int))
         if flat:
             for name in ("rest", "stiffness", "tau"):
                 setattr(self.data, name, getattr(flat.data, name))

@@ -123,7 +123,8 @@ class FreeFrames:
         self.bounds = filled(bounds(real), **limits)
         self.look = clearance.look_at
         if self.pull.domains:
-            for name, value in limits.items():
+            tets = {table.material: table.data for table in self.method.solids}      # whose live values are set
+            for name, value in {**limits, **tets}.items():
                 setattr(self.pull.shares, name, value)
         elif self.pull.cluster:
             self.at_once.shares = filled(cluster.bounded_shares(real), **values(self.pull.shares), **limits)
