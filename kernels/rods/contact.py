@@ -40,6 +40,7 @@ class Colliders:
     friction: wp.array2d(dtype=wp.vec2d)            # static, dynamic, (colliders, strands)
     thick: wp.array(dtype=wp.float64)               # kept beside the strand's radius [m]
     frame: wp.array2d(dtype=wp.mat44d)              # own frame to world at the starts and ends of substeps
+    back: wp.array2d(dtype=wp.mat44d)               # and world to own frame
 
 
 @wp.struct
@@ -114,7 +115,7 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
         x = T.x[i, k] + S.origin[k]
         for c in range(C.kind.shape[0]):
             frame = C.frame[at + 1, c]
-            q = wp.transform_point(wp.inverse(frame), x)
+            q = wp.transform_point(C.back[at + 1, c], x)
             phi, m = signed(C, c, q)
             deep = S.radius[i, k] + C.thick[c] - phi
             w = SOFT * S.radius[i, k]

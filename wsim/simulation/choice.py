@@ -175,8 +175,8 @@ def _auto(model: Model) -> Choice:
     reason = unfit(model, "XPBD")
     if reason:
         return replace(xpbd, why=stall or reason)
-    from wsim.physics.motion.frequency import bound
-    omega, c = bound(model)
+    from wsim.physics.motion.frequency import RowSums, bound
+    omega, c = bound(model, rows=(rows := RowSums(model)))
     n = _struck(model, needed(scene, leapfrog, omega, c))
     explicit = cost.seconds(model, cost.explicit(model, n))
     sweeps = cost.seconds(model, cost.sweeps(model, xpbd.substeps, xpbd.iterations))
@@ -188,7 +188,7 @@ def _auto(model: Model) -> Choice:
                       f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
                       f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
     why = f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
-    slow, said = slowed(model)
+    slow, said = slowed(model, rows)
     least = cost.seconds(model, cost.explicit(model, slow)) if slow else inf
     if least <= SURE * min(sweeps, solved):
         return Choice("explicit", leapfrog, max(slow, scene.substeps), 1,
@@ -202,10 +202,10 @@ def _auto(model: Model) -> Choice:
                    + (stall or f"XPBD takes {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}{xpbd.why}"))
 
 
-def slowed(model: Model) -> tuple[int, str]:
+def slowed(model: Model, rows) -> tuple[int, str]:
     """Substeps of leapfrog where slivers have more mass, and what was done to which; (0, "") where none would have."""
-    from wsim.physics.fused import stiff_few
-    said, bound = stiff_few.tried(model)
+    from wsim.physics.fused.stiff_few import tried
+    said, bound = tried(model, rows)
     return (_struck(model, needed(model.scene, TABLE["leapfrog"], *bound)), said) if said else (0, "")
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import wsim
-from wsim.physics.fused.stiff_few import MOST, WORTH, slow, sums
+from wsim.physics.fused.stiff_few import MOST, WORTH, slow
 from wsim.physics.motion import frequency
+from wsim.physics.motion.frequency import RowSums
 from wsim.scene import Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.predicted.errors import SLIVERS
@@ -41,7 +42,7 @@ def test_a_sliver_sets_the_step_no_more():
 def test_no_point_is_faster_than_the_bound_after():
     sim = wsim.Simulation(pinched(0.05), device="cpu")
     (body,) = sim.model.bodies
-    square = (sums(sim.model, body) / body.masses)[SIDE + 1:]
+    square = (RowSums(sim.model).of(body)[0] / body.masses)[SIDE + 1:]
     assert square.max() == pytest.approx(frequency.bound(sim.model)[0]**2, rel=0.2)
     assert not slow(sim.model)                                        # once is enough
 

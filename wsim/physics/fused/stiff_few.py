@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.model.model import Body, Model, hard_places
-from wsim.physics.cloth.constraints import of_body
-from wsim.physics.motion.frequency import _inverse, _sizes, bound, stiffness
+from wsim.model.model import Body, Model
+from wsim.physics.motion.frequency import RowSums, _inverse, bound
 from wsim.scene import Cloth
 
 # of the mass of a cloth. The shirt, hung, 2983 substeps made 1492 and 995 by 0.016 and 0.3 %: RMS errors of 2.1 and 2.3 mm
@@ -40,37 +39,29 @@ class Slowed:
                 f"{self.added:.2%} of the cloth's, for steps {self.longer:.1f} times as long")
 
 
-def slow(model: Model) -> list[Slowed]:
-    """Gives mass to the points of slivers of every cloth; says what was done to those of world 0."""
+def slow(model: Model, rows: RowSums | None = None) -> list[Slowed]:
+    """Gives mass to the points of slivers of every cloth; says what was done to those of world 0. rows: of this model, where
+    they are kept."""
     if model.gradients or model.alias is not None:
         return []
-    found, pinned = [], hard_places(model)
+    found, rows = [], rows or RowSums(model)
     for body in (b for b in model.bodies if isinstance(b.source, Cloth)):
-        masses, said = slowed(body, sums(model, body), _inverse(model, body, pinned) > 0.0)
+        masses, said = slowed(body, rows.of(body)[0], _inverse(model, body, rows.pinned) > 0.0)
         if said:
             body.masses = masses
             found += [said] * (body.world == 0)
     return found
 
 
-def tried(model: Model) -> tuple[str, tuple[float, float]]:
+def tried(model: Model, rows: RowSums) -> tuple[str, tuple[float, float]]:
     """Words of what `slow` would do, "" for nothing, and `bound` (omega, c) then; the model stays as it is."""
     before = [(body, body.masses) for body in model.bodies]
     try:
-        said = "; ".join(map(str, slow(model)))
-        return said, bound(model) if said else (0.0, 0.0)
+        said = "; ".join(map(str, slow(model, rows)))
+        return said, bound(model, rows=rows) if said else (0.0, 0.0)
     finally:
         for body, masses in before:
             body.masses = masses
-
-
-def sums(model: Model, body: Body) -> np.ndarray:
-    """Row sums of the stiffness of a body at rest [N/m], (points,)."""
-    found = np.zeros(body.count)
-    for s in stiffness(of_body(model, body), body):
-        g = _sizes(s.J)
-        found += np.bincount(s.ids.ravel(), (g * g.sum(1, keepdims=True)).ravel(), body.count)
-    return found
 
 
 def slowed(body: Body, stiff: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, Slowed | None]:

@@ -65,16 +65,16 @@ def curvature(slot: np.ndarray, value: np.ndarray, ids: np.ndarray, J: np.ndarra
     there, slot = (slot >= 0)[..., None], np.maximum(slot, 0)
     value, points = np.where(there, value, 0.0), np.where(there, ids[slot], ids[slot[:, :1]]).reshape(len(slot), -1)
     order = np.argsort(points, axis=1, kind="stable")
-    points = np.take_along_axis(points, order, axis=1)
-    new = np.diff(points, axis=1, prepend=-1) != 0
-    place = np.cumsum(new, axis=1) - 1
-    each = (value[:, :, None, :, None] * J[slot][:, :, :, None, :]).reshape(*points.shape, 9)
-    firsts = np.flatnonzero(new)                                       # of the places of one point, which follow each other
+    new = np.diff(np.take_along_axis(points, order, axis=1), axis=1, prepend=-1) != 0
+    place = np.empty(points.shape, np.int64)
+    np.put_along_axis(place, order, np.cumsum(new, axis=1) - 1, axis=1)
     width = int(place.max(initial=0)) + 1
-    found, whole = np.zeros((len(slot), width, 9)), np.zeros((len(slot), width), points.dtype)
-    at = firsts // points.shape[1], place.ravel()[firsts]
-    found[at] = np.add.reduceat(np.take_along_axis(each, order[..., None], axis=1).reshape(-1, 9), firsts, axis=0)
-    whole[at] = points.ravel()[firsts]
+    place += width * np.arange(len(slot))[:, None]
+    each = (value[:, :, None, :, None] * J[slot][:, :, :, None, :]).reshape(-1, 9)
+    whole, found = np.zeros((len(slot), width), points.dtype), np.empty((len(slot) * width, 9))
+    whole.ravel()[place] = points
+    for k in range(9):
+        found[:, k] = np.bincount(place.ravel(), each[:, k], len(found))
     return whole, found.reshape(*whole.shape, 3, 3).swapaxes(1, 2)
 
 
@@ -140,19 +140,35 @@ def largest(A: np.ndarray) -> np.ndarray:
     return mean + 2.0 * p * np.cos(np.arccos(np.clip(r, -1.0, 1.0)) / 3.0)
 
 
-def bound(model: Model, parts: list | None = None) -> tuple[float, float]:
+class RowSums:
+    """Row sums of the stiffness of bodies at rest, which do not depend on their masses, kept for whoever asks next."""
+
+    def __init__(self, model: Model):
+        self.model, self.kept = model, {}
+        self.pinned = np.setdiff1d(hard_places(model), model.gone)
+
+    def of(self, body: Body) -> tuple[np.ndarray, np.ndarray]:
+        """Row sums over the free points [N/m], and of tau K [N s/m], (points,) each."""
+        if body.first not in self.kept:
+            free = np.ones(body.count, bool)
+            free[self.pinned[(self.pinned >= body.first) & (self.pinned < body.last)] - body.first] = False
+            sums, damped = np.zeros(body.count), np.zeros(body.count)
+            for s in stiffness(of_body(self.model, body), body):
+                g = np.where(free[s.ids], _sizes(s.J), 0.0)
+                each = np.bincount(s.ids.ravel(), (g * g.sum(1, keepdims=True)).ravel(), body.count)
+                sums += each
+                damped += s.tau * each
+            self.kept[body.first] = sums, damped
+        return self.kept[body.first]
+
+
+def bound(model: Model, parts: list | None = None, rows: RowSums | None = None) -> tuple[float, float]:
     """The highest frequency omega [rad/s] and highest decay rate c [1/s] of the points of world 0, from above. parts:
-    `solids`."""
-    pinned, tops, decays = np.setdiff1d(hard_places(model), model.gone), [0.0], [0.0]
+    `solids`. rows: of this model, where they are kept."""
+    rows, tops, decays = rows or RowSums(model), [0.0], [0.0]
     for body in (b for b in model.bodies if b.world == 0):
-        w = _inverse(model, body, pinned)
-        sums, damped = np.zeros(body.count), np.zeros(body.count)
-        for s in stiffness(of_body(model, body), body):
-            g = _sizes(s.J)
-            g = np.where(w[s.ids] > 0.0, g, 0.0)
-            each = np.bincount(s.ids.ravel(), (g * g.sum(1, keepdims=True)).ravel(), body.count)
-            sums += each
-            damped += s.tau * each
+        w = _inverse(model, body, rows.pinned)
+        sums, damped = rows.of(body)
         square, rate = stiffest(body, parts, w)
         tops.append(float((w * sums).max(initial=0.0)) + square)
         decays.append(float((w * damped).max(initial=0.0)) + rate)

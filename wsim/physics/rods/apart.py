@@ -1,4 +1,4 @@
-"""Substeps of strands on a GPU: a launch for each part of an iteration (kernels/rods/apart.py). On a CPU strands march in one
+"""Substeps of strands on a GPU: a launch for each part of an iteration (kernels/rods/apart). On a CPU strands march in one
 launch, see method.py."""
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from wsim.kernels.rods.apart import Parts, apart
-from wsim.kernels.rods.system import Bend
+from wsim.kernels.rods.apart.parts import AIR, FREE, LANES, LAST, NUMBERS, Parts
+from wsim.kernels.rods.apart.steps import apart
 from wsim.model.stage import Clock
 from wsim.model.structs import filled
 
@@ -21,20 +21,24 @@ class Apart:
     def __init__(self, strands: Strands, module: str, device):
         self.strands, table, self.device = strands, strands.table, device
         self.begin, self.measure, self.solve, self.take, self.end = apart(strands.obstacles.kinds, strands.airy, module)
-        two, m = (table.longest, table.strands), table.strands
-        types = {"D": wp.mat44d, "r": wp.vec4d, "edge": wp.vec4d, "bend": Bend}
-        types |= {"gust": wp.vec3d, "damp": wp.mat33d} if strands.airy else {}
+        m, part = table.strands, np.zeros((NUMBERS if strands.airy else AIR, table.longest + 2, table.strands))
+        end = np.arange(table.longest + 2)[:, None] >= table.counts
+        for k in (0, 3, 5, LAST):                        # the diagonal
+            part[k] = end
+        part[FREE] = np.pad(table.hold < 0, ((0, 2), (0, 0))) & ~end
+        part[FREE + 1] = np.pad(table.clamped == 0, ((0, 2), (0, 0))) & ~end
         length = np.where(table.values["length"] > 0.0, table.values["length"], np.inf)
         self.parts = filled(
-            Parts, least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
-            **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()},
+            Parts, part=wp.array(part, dtype=wp.float64, device=device),
+            factor=wp.zeros((2 * LANES**2 + LANES, table.longest, m), dtype=wp.float64, device=device),
+            least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
             **{name: wp.zeros(m, dtype=wp.float64, device=device) for name in ("before", "share")},
             **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "on", "moved")})
         self.words = wp.zeros(1, dtype=int, device=device)
 
     def each(self, kernel, inputs: list, outputs: list, points: bool = True) -> None:
         table = self.strands.table
-        wp.launch(kernel, table.strands * (table.longest if points else 1), inputs, outputs, device=self.device,
+        wp.launch(kernel, table.strands * (table.longest if points else LANES), inputs, outputs, device=self.device,
                   block_dim=self.strands.threads)
 
     def advance(self, clock: Clock) -> None:

@@ -47,7 +47,8 @@ class Obstacles:
         self.resize(substeps)
 
     def resize(self, substeps: int) -> None:
-        self.table.frame = wp.zeros((substeps + 1, len(self.colliders)), dtype=wp.mat44d, device=self.device)
+        for name in ("frame", "back"):
+            setattr(self.table, name, wp.zeros((substeps + 1, len(self.colliders)), dtype=wp.mat44d, device=self.device))
         self.posed = False
 
     def pose(self, times: np.ndarray) -> None:
@@ -56,4 +57,5 @@ class Obstacles:
             return
         found = np.array([[c.motion.at(float(t)) for c in self.colliders] for t in times])
         self.table.frame.assign(found)
+        self.table.back.assign(np.linalg.inv(found))
         self.posed = True

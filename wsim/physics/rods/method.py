@@ -29,9 +29,7 @@ FIELDS = (Field("x", "m", True, "position relative to the strand's first point a
           Field("phi", "rad", True, "twist at a point", "double"),
           Field("begun", "1", True, "1: it carries on the step before", "int"))
 LONGEST = 1.0 / 240.0         # [s] of a substep: BDF2 is off by (omega h)^2 / 3 of a frequency, 1e-3 at 2 Hz
-APART: bool | None = None     # a launch for each part of an iteration; None: on a GPU, for fewer strands of a world than MANY
-MANY = 4096                   # H200, ms a frame, a launch for each part and one for all: 100 strands of 32 points 29, 49, 1000
-                              # 58, 94, 10000 129, 120; nobody looked between these
+APART: bool | None = None     # a launch for each part of an iteration; None: on a GPU
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
 
 
@@ -70,8 +68,7 @@ class Strands(Method):
         names = self.obstacles.kinds
         touching = any(rods.self_collision for rods in b.scene.things("Rods"))
         self.airy = airy(b.scene)
-        few = self.model.device.is_cuda and t.strands < MANY * b.model.worlds
-        apart = not touching and (few if APART is None else APART)
+        apart = not touching and (self.model.device.is_cuda if APART is None else APART)
         own = module(names, self.airy, touching, apart)
         b.model.modules[own] = THREADS
         self._allocate(b)

@@ -68,13 +68,13 @@ def _ways(model: Model) -> Iterator[tuple[int, Callable[[int], Choice]]]:
     explicit = scene.solver == "explicit" or bool(named and named.explicit)
     free = scene.solver == "auto" and named is None
     if explicit or free and not choices.unfit(model, ""):
-        from wsim.physics.motion.frequency import bound
-        own = named or TABLE["leapfrog"]
-        omega, c = bound(model)
+        from wsim.physics.motion.frequency import RowSums, bound
+        own, rows = named or TABLE["leapfrog"], RowSums(model)
+        omega, c = bound(model, rows=rows)
         stiffens = any(m.model not in ("corotational", "linear") for s in scene.softs for m in s.materials)
         least = int(needed(scene, own, omega, c) * (choices.STIFFENED if stiffens else 1.0))
         yield max(1, least), _of("explicit", own, 1)
-        few = choices.slowed(model)[0] if named is None and not explicit else 0
+        few = choices.slowed(model, rows)[0] if named is None and not explicit else 0
         if few:
             yield few, lambda n: replace(_of("explicit", own, 1)(n), slowed=n < least)
     if explicit:

@@ -1,8 +1,8 @@
 """Substeps of strands on a GPU, a launch for each part of an iteration: strains, contacts and moves by a thread a point, the
-elimination from point to point by a thread a strand (kernels/rods/march.py takes the same steps in one launch).
+elimination from point to point by LANES threads a strand (lanes.py; kernels/rods/march.py takes the same steps in one launch).
 
-A strand's points come one after another in the elimination alone, of which a thread waits for each result; all else of a point
-took nine tenths of its time. A strand that has ended waits for the others, which go on.
+A strand's points come one after another in the elimination alone, of which a thread waits for each result. A strand that has
+ended waits for the others, which go on.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -13,39 +13,24 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.air import blow
+from wsim.kernels.rods.apart.desk import meet
+from wsim.kernels.rods.apart.lanes import eliminating
+from wsim.kernels.rods.apart.parts import AIR, LANES, LAST, RIGHT, SYMMETRIC, Parts, keep, keep_bend, keep_edge, keep_symmetric
 from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.element import transport, turned, upright
-from wsim.kernels.rods.eliminate import Window, backward, eliminating
 from wsim.kernels.rods.march import CALM, LEAST, MOST, TOLERANCE, begin_point, finish_point
-from wsim.kernels.rods.system import TINY, Bend, flex, pointing, push, strains, stretch
+from wsim.kernels.rods.system import TINY, pointing, strains
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 GOING = 0                        # the word that says whether a strand goes on
 
 
-@wp.struct
-class Parts:
-    """Table of what points leave for their strands, (points, strands), and the state of Newton's method, (strands,)."""
-
-    D: wp.array2d(dtype=wp.mat44d)                  # diagonal block of a point, and its right-hand side
-    r: wp.array2d(dtype=wp.vec4d)
-    edge: wp.array2d(dtype=wp.vec4d)                # tangent and length [m]
-    bend: wp.array2d(dtype=Bend)
-    gust: wp.array2d(dtype=wp.vec3d)                # half the force of the air on an edge [N]; these two where there is air
-    damp: wp.array2d(dtype=wp.mat33d)               # and its stiffness [N/m]
-    least: wp.array(dtype=wp.float64)               # shortest edge [m]
-    before: wp.array(dtype=wp.float64)              # greatest correction of the iteration before [m]
-    share: wp.array(dtype=wp.float64)               # of a correction that is taken
-    count: wp.array(dtype=int)                      # iterations
-    on: wp.array(dtype=int)                         # 1: it goes on
-    moved: wp.array(dtype=int)                      # 1: it has moved in this iteration
-
-
 @cache
 def apart(kinds: tuple[str, ...], airy: bool, module: str):
     """Kernels over points (tid: point number * strands + strand) or strands: begin a substep (points), measure (points), solve
-    (strands), take (points), end (points). said: as `march.strands` has it. kinds: of colliders. airy: with air."""
-    point, eliminate, end = pointing(kinds, airy, False), eliminating(False), finish_point(kinds)
+    (strand * LANES + lane), take (points), end (points). said: as `march.strands` has it. kinds: of colliders. airy: with
+    air."""
+    point, eliminate, end = pointing(kinds, airy, False), eliminating(airy), finish_point(kinds)
 
     @wp.kernel(enable_backward=False, module=module)
     def begin_points(S: Strands, H: Holds, Q: Motion, T: Trial, A: Parts, h: wp.float64, at: int, words: wp.array(dtype=int)):
@@ -76,17 +61,20 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         p.h = h
         p.at = at
         D, r = point(S, C, Q, T, p, i, k)
-        A.D[i, k] = D
-        A.r[i, k] = r
+        keep_symmetric(A.part, wp.static(SYMMETRIC), i, k, wp.vec3d(D[0, 0], D[0, 1], D[0, 2]),
+                       wp.vec3d(D[1, 0], D[1, 1], D[1, 2]), wp.vec3d(D[2, 0], D[2, 1], D[2, 2]))
+        A.part[wp.static(LAST), i, k] = D[3, 3]
+        keep(A.part, wp.static(RIGHT), i, k, wp.vec3d(r[0], r[1], r[2]))
+        A.part[wp.static(RIGHT + 3), i, k] = r[3]
         if i + 1 < n:
             e = T.x[i + 1, k] - T.x[i, k]
             length = wp.length(e)
             t = e / wp.max(length, TINY)
-            A.edge[i, k] = wp.vec4d(t[0], t[1], t[2], length)
+            keep_edge(S, A, i, k, t, length)
             if wp.static(airy):
                 gust, damp = blow(S, Q, T, p, i, k)
-                A.gust[i, k] = gust
-                A.damp[i, k] = damp
+                keep(A.part, wp.static(AIR), i, k, gust)
+                keep_symmetric(A.part, wp.static(AIR + 3), i, k, damp[0], damp[1], damp[2])
             if i > 0:
                 if S.clamped[i - 1, k] + S.clamped[i, k] < 2:
                     e0 = T.x[i, k] - T.x[i - 1, k]
@@ -94,31 +82,20 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
                     f = strains(e0 / wp.max(l0, TINY), t, wp.max(l0, TINY), wp.max(length, TINY), T.d[i - 1, k], T.d[i, k],
                                 T.phi[i, k])
                     T.phi[i, k] = f.s[2]
-                    A.bend[i, k] = f
+                    keep_bend(S, A, i, k, f)
 
-    @wp.kernel(enable_backward=False, module=module)
+    @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 10))       # registers for 12 blocks a multiprocessor
     def solve_strands(S: Strands, T: Trial, A: Parts, words: wp.array(dtype=int), said: wp.array2d(dtype=wp.float64)):
-        k = wp.tid()
-        A.moved[k] = A.on[k]
-        if A.on[k] == 0:
+        k = wp.tid() / wp.static(LANES)
+        lane = wp.tid() % wp.static(LANES)
+        on = A.on[k]
+        meet()
+        if lane == 0:
+            A.moved[k] = on
+        if on == 0:
             return
         n = S.points[k]
-        w = Window()
-        for j in range(n + 2):
-            i = j - 2
-            if j < n:
-                w.D2 = A.D[j, k]
-                w.r2 = A.r[j, k]
-            if i >= 0 and i + 1 < n:
-                e = A.edge[i, k]
-                w = stretch(S, w, wp.vec3d(e[0], e[1], e[2]), e[3], i, k)
-                if wp.static(airy):
-                    w = push(S, w, A.gust[i, k], A.damp[i, k], i, k)
-            if i >= 0 and i + 2 < n:
-                if S.clamped[i, k] + S.clamped[i + 1, k] < 2:
-                    w = flex(S, w, A.bend[i + 1, k], i + 1, k)
-            w = eliminate(T, w, i, k)
-        z = backward(S, T, k)
+        z = eliminate(T, A, n, lane, k)
         short = A.least[k]
         share = A.share[k]
         if z > (wp.float64(1.0) - CALM * share) * A.before[k]:
@@ -126,20 +103,24 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         else:
             share = wp.min(wp.float64(2.0) * share, wp.float64(1.0))
         part = share * wp.min(wp.float64(1.0), short / wp.max(z, short * wp.float64(1e-12)))
-        for i in range(n):
-            s = T.z[i, k] * part
-            T.z[i, k] = s
-            T.x[i, k] = T.x[i, k] + wp.vec3d(s[0], s[1], s[2])
-        A.share[k] = share
-        A.before[k] = z
-        count = A.count[k] + 1
-        A.count[k] = count
-        if count < MOST and z > TOLERANCE * short:
-            words[GOING] = 1
-        else:
-            A.on[k] = 0
-            said[k, 0] = wp.max(said[k, 0], wp.float64(count))
-            said[k, 1] = wp.max(said[k, 1], z / short)
+        meet()
+        for j in range((n + wp.static(LANES - 1)) / wp.static(LANES)):
+            i = j * wp.static(LANES) + lane
+            if i < n:
+                s = T.z[i, k] * part
+                T.z[i, k] = s
+                T.x[i, k] = T.x[i, k] + wp.vec3d(s[0], s[1], s[2])
+        if lane == 0:
+            A.share[k] = share
+            A.before[k] = z
+            count = A.count[k] + 1
+            A.count[k] = count
+            if count < MOST and z > TOLERANCE * short:
+                words[GOING] = 1
+            else:
+                A.on[k] = 0
+                said[k, 0] = wp.max(said[k, 0], wp.float64(count))
+                said[k, 1] = wp.max(said[k, 1], z / short)
 
     @wp.kernel(enable_backward=False, module=module)
     def take_points(S: Strands, T: Trial, A: Parts):
