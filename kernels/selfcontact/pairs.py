@@ -82,6 +82,14 @@ def lists(real):
     return NearPairs
 
 
+@wp.struct
+class Candidates:
+    """Struct of pairs whose boxes meet."""
+    capacity: int
+    count: wp.array(dtype=int)                    # (1,); may be more than there is room for
+    pair: wp.array(dtype=wp.vec2i)                # (point, triangle), or (edge, -1 - edge), (capacity,)
+
+
 @cache
 def sums(real):
     """Struct of what pairs add up by point."""

@@ -1,4 +1,5 @@
-"""Search for near pairs: points against triangles, and edges against edges, by a tree over the boxes of each (Warp's).
+"""Search for near pairs: points against triangles, and edges against edges, by a tree over the boxes of each
+(kernels/selfcontact/tree.py).
 
 A pair is listed where its two sides, as far as their tubes lead (kernels/selfcontact/tubes.py), may come nearer than what it
 keeps and the radii of its tubes: by where its points are half way, and how far they leave that beside the first. Pairs that
@@ -12,58 +13,12 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.selfcontact import closest, pairs
+from wsim.kernels.selfcontact import closest, pairs, tree
 from wsim.kernels.selfcontact.tubes import frames
 
 REST = 0.4
 ROUND = 1.005          # of tubes, for rounding
-
-
-@cache
-def tube_of(real):
-    """Function: corners of the box about the tube of a point."""
-    t = types(real)
-    Frames = frames(real)
-
-    @wp.func
-    def tube(f: Frames, i: int):
-        a = f.start[i]
-        b = a + real(f.lead[i]) * f.way[i]
-        r = t.vec3(f.beta[i], f.beta[i], f.beta[i])
-        low = wp.min(a, b) - r
-        high = wp.max(a, b) + r
-        return wp.vec3f(float(low[0]), float(low[1]), float(low[2])), wp.vec3f(float(high[0]), float(high[1]), float(high[2]))
-
-    return tube
-
-
-@cache
-def boxes(real, module):
-    """Kernels: boxes about the axes of the points of triangles, and of edges."""
-    Surfaces, Frames = pairs.surfaces(real), frames(real)
-
-    tube = tube_of(real)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def triangle_boxes(s: Surfaces, f: Frames, low: wp.array(dtype=wp.vec3f), high: wp.array(dtype=wp.vec3f)):
-        i = wp.tid()
-        c = s.triangle[i]
-        a0, a1 = tube(f, c[0])
-        b0, b1 = tube(f, c[1])
-        c0, c1 = tube(f, c[2])
-        low[i] = wp.min(a0, wp.min(b0, c0))
-        high[i] = wp.max(a1, wp.max(b1, c1))
-
-    @wp.kernel(module=module, enable_backward=False)
-    def edge_boxes(s: Surfaces, f: Frames, low: wp.array(dtype=wp.vec3f), high: wp.array(dtype=wp.vec3f)):
-        i = wp.tid()
-        c = s.edge[i]
-        a0, a1 = tube(f, c[0])
-        b0, b1 = tube(f, c[1])
-        low[i] = wp.min(a0, b0)
-        high[i] = wp.max(a1, b1)
-
-    return triangle_boxes, edge_boxes
+CANDIDATES = 3         # that there is more room for with each pair
 
 
 @cache
@@ -90,18 +45,13 @@ def listing(real):
     @wp.func
     def leaves(f: Frames, i: int, o: int, half: real):
         """How far point i may be from where it is expected half way, beside what point o does."""
-        if half > real(0.0):
-            return real(ROUND) * f.beta[i] + half * wp.length(f.way[i] - f.way[o])
-        return real(ROUND) * f.beta[i] + real(f.lead[i]) * wp.length(f.way[i])
+        return real(ROUND) * f.beta[i] + half * wp.length(f.way[i] - f.way[o])
 
     @wp.func
     def append(s: Surfaces, f: Frames, kind: int, ids: wp.vec4i, near: Pairs):
         i, j, k, o = ids[1], ids[2], ids[3], ids[0]
         keep = sides(kind, s.reach[o], s.reach[i], s.reach[j], s.reach[k])
-        lead = f.lead[o]
-        half = real(0.0)
-        if lead == f.lead[i] and lead == f.lead[j] and lead == f.lead[k]:
-            half = real(0.5) * real(lead)
+        half = real(0.5) * real(f.lead[0])
         tubes = sides(kind, leaves(f, o, o, half), leaves(f, i, o, half), leaves(f, j, o, half), leaves(f, k, o, half))
         b = s.body[o]
         same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
@@ -140,58 +90,96 @@ def listing(real):
 
 
 @cache
-def reach(real, module):
-    """Kernel: points against triangles, or edges against edges of a greater number. start: of the first of the points (edges),
-    and of the triangles (edges) of the tree; tree, root: of the boxes of these, and its nodes by world."""
-    Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
-    append, tube = listing(real), tube_of(real)
+def meet(real, module):
+    """Kernel: candidates, points and triangles or edges and edges whose boxes meet and that share no point. order: points (kind
+    0) or edges that look, so that those near each other are near, -1: none; into: the tree that they look into; own 1: that
+    of the same edges, of which those behind them are looked at; widest: what pairs keep at most [m]."""
+    Surfaces, Frames = pairs.surfaces(real), frames(real)
+    _, about = tree.boxes(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def search_pairs(s: Surfaces, f: Frames, kind: int, start: wp.vec2i, tree: wp.uint64, root: wp.array(dtype=int),
-                     widest: float, near: Pairs):
-        own = start[0] + wp.tid()
-        a, b = int(0), int(0)
-        if kind == closest.POINT:
-            a = s.point[own]
-            b = a
-        else:
-            a = s.edge[own][0]
-            b = s.edge[own][1]
-        a0, a1 = tube(f, a)
-        b0, b1 = tube(f, b)
-        more = wp.vec3f(widest, widest, widest)
-        low = wp.min(a0, b0) - more
-        high = wp.max(a1, b1) + more
-        leaf = int(0)
-        query = wp.bvh_query_aabb(tree, low, high, root[s.world[a]])
-        while wp.bvh_query_next(query, leaf):
-            k = start[1] + leaf
-            ids = wp.vec4i(a, a, a, a)
-            if kind == closest.POINT:
-                c = s.triangle[k]
-                ids = wp.vec4i(a, c[0], c[1], c[2])
-            elif k > own:
-                e = s.edge[k]
-                ids = wp.vec4i(a, b, e[0], e[1])
-            if ids[2] != a and ids[3] != a and ids[1] != ids[2] and ids[1] != ids[3] and (kind == closest.EDGES or ids[1] != a):
-                append(s, f, kind, ids, near)
+    def boxes_meet(s: Surfaces, f: Frames, kind: int, order: wp.array(dtype=int), into: tree.Tree, own: int, widest: float,
+                   out: pairs.Candidates):
+        j = wp.tid()
+        i = order[j]
+        if i < 0:
+            return
+        a = i
+        b = i
+        if kind == closest.EDGES:
+            a = s.edge[i][0]
+            b = s.edge[i][1]
+        box = about(f, a, b, b)
+        root = s.world[a] * 2 * into.leaves
+        node = int(1)
+        if own > 0:
+            node = tree.behind(into.leaves + j % into.leaves)
+        while node > 0:
+            if tree.apart(box, into.box[root + node], widest):
+                node = tree.behind(node)
+            elif node < into.leaves:
+                node = 2 * node
+            else:
+                k = into.item[root / 2 + node - into.leaves]
+                node = tree.behind(node)
+                c = wp.vec3i(0, 0, 0)
+                if kind == closest.POINT:
+                    c = s.triangle[k]
+                else:
+                    c = wp.vec3i(s.edge[k][0], s.edge[k][1], s.edge[k][1])
+                    k = -1 - k
+                if a != c[0] and a != c[1] and a != c[2] and b != c[0] and b != c[1]:
+                    slot = wp.atomic_add(out.count, 0, 1)
+                    if slot < out.capacity:
+                        out.pair[slot] = wp.vec2i(i, k)
 
-    return search_pairs
+    return boxes_meet
+
+
+@cache
+def sift(real, module):
+    """Kernel: the list, of candidates. Of two edges the one with the smaller number is the first."""
+    Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
+    append = listing(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def sift_candidates(s: Surfaces, f: Frames, found: pairs.Candidates, threads: int, near: Pairs):
+        j = wp.tid()
+        while j < wp.min(found.count[0], found.capacity):
+            i = found.pair[j][0]
+            k = found.pair[j][1]
+            kind = int(closest.POINT)
+            ids = wp.vec4i(0, 0, 0, 0)
+            if k >= 0:
+                c = s.triangle[k]
+                ids = wp.vec4i(i, c[0], c[1], c[2])
+            else:
+                kind = closest.EDGES
+                a = s.edge[wp.min(i, -1 - k)]
+                b = s.edge[wp.max(i, -1 - k)]
+                ids = wp.vec4i(a[0], a[1], b[0], b[1])
+            append(s, f, kind, ids, near)
+            j += threads
+
+    return sift_candidates
 
 
 @cache
 def listed(real, module):
     """Kernel: a list was made: whether it holds pairs, and how many times so far. begins 1: before a substep, by its
-    prediction: A is 1 until it ends."""
-    Frames = frames(real)
+    prediction: A is 1 until it ends. Where there was no room for candidates, more pairs than there is room for are said to
+    be."""
+    Frames, Pairs = frames(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def list_made(count: wp.array(dtype=int), begins: int, f: Frames, words: wp.array(dtype=int)):
+    def list_made(found: pairs.Candidates, begins: int, near: Pairs, f: Frames, words: wp.array(dtype=int)):
         if begins > 0:
             f.frame[1] = wp.transform_identity(dtype=real)
+        if found.count[0] > found.capacity:
+            near.count[0] = wp.max(near.count[0], near.capacity + (found.count[0] - found.capacity) / CANDIDATES + 1)
         words[pairs.SOON] = 0
         words[pairs.AGE] = 0
-        words[pairs.NEAR] = wp.min(count[0], 1)
+        words[pairs.NEAR] = wp.min(near.count[0], 1)
         words[pairs.MADE] = words[pairs.MADE] + 1
 
     return list_made

@@ -6,11 +6,12 @@ Best rigid motion of a substep, of points of mass m at p that go by f (least squ
 
 Sums are taken in a fixed order. When a list is made, A = 1; A takes on R each substep. k substeps later a point is expected at
 
-    P + min(k, lead) V,   V its motion beside R in the first substep,   lead = 1, 2, 4, 8 or 16: LONG mean edges at most
+    P + min(k, lead) V,   V its motion beside R in the first substep,   lead = 1, 2, 4, 8 or 16: LONG mean edges at most,
+                          of the fastest point (whose tube is the first to end), for all
 
 and while A^-1 p is within beta_i of it where substeps begin and end, it is all the time between, when it goes along with what
 is expected: both are linear then. Pairs that come no nearer than their betas by what is expected do not meet, whatever A is:
-only differences of V count, where leads are alike. Between, p goes along a chord of what A makes of a straight line, and leaves
+only differences of V count. Between, p goes along a chord of what A makes of a straight line, and leaves
 it by |p - c| theta^2 / 8 at most, which counts too. A bad R, V or beta_i costs searches and nothing else. beta_i is what would
 have made the last list hold for LASTS substeps, between beta and WIDEST beta, and STAYS of what it was at least: few points
 that go another way have wide tubes.
@@ -43,7 +44,7 @@ def frames(real):
         frame: wp.array(dtype=t.transform)        # A, R A, (2,)
         start: wp.array(dtype=t.vec3)             # P [m], (points,)
         way: wp.array(dtype=t.vec3)               # V [m] a substep, (points,)
-        lead: wp.array(dtype=int)                 # (points,)
+        lead: wp.array(dtype=int)                 # substeps that tubes lead ahead, (1,)
         beta: wp.array(dtype=t.scalar)            # radius of the tube [m], (points,)
         off: wp.array(dtype=t.scalar)             # distance from what was expected, where the last substep ended [m], (points,)
 
@@ -159,17 +160,18 @@ def carried(real):
 
 @cache
 def axes(real, module):
-    """Kernel: tubes, where lists are made: A before the substep is 1. most: substeps that they lead ahead, at most."""
+    """Kernel: tubes, where lists are made: A before the substep is 1; lead: the least that one of the points has, from what
+    stands there on."""
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lay_axes(s: Surfaces, at: State, most: int, words: wp.array(dtype=int), f: Frames):
+    def lay_axes(s: Surfaces, at: State, words: wp.array(dtype=int), f: Frames):
         i = s.point[wp.tid()]
         p = (at.x[i] + s.shift[i]) + at.e[i]
         q = wp.transform_point(wp.transform_inverse(f.frame[1]), (at.x[i] + s.shift[i]) + at.d[i])
         way = q - p
         size = wp.length(way)
-        lead = most
+        lead = f.lead[0]
         while lead > 1 and real(lead) * size > s.longest:
             lead = lead / 2
         held = real(wp.max(words[pairs.AGE], 1))
@@ -178,7 +180,8 @@ def axes(real, module):
         f.off[i] = real(0.0)
         f.start[i] = p
         f.way[i] = way
-        f.lead[i] = lead
+        if lead < f.lead[0]:
+            wp.atomic_min(f.lead, 0, lead)
 
     return lay_axes
 
@@ -193,7 +196,7 @@ def watch(real, module):
     @wp.func
     def off(p: t.vec3, k: int, i: int, f: Frames):
         """Distance from p to where point i is expected after k substeps."""
-        return wp.length((p - f.start[i]) - real(wp.min(k, f.lead[i])) * f.way[i])
+        return wp.length((p - f.start[i]) - real(wp.min(k, f.lead[0])) * f.way[i])
 
     @wp.kernel(module=module, enable_backward=False)
     def watch_tubes(s: Surfaces, at: State, f: Frames, stop: int, to: Sums, words: wp.array(dtype=int)):

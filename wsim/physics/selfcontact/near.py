@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
 import warp as wp
 
-from wsim.kernels.contact.search import roots
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, search, tubes
 from wsim.model.structs import filled
+from wsim.physics.selfcontact.tree import Tree, curve
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -18,19 +19,22 @@ if TYPE_CHECKING:
 
 LANES, MANY = 256, 16384         # partial sums of moments; points from which there are FOLD times as many
 EACH = 4               # pairs a point that there is room for at first
+AROUND = 12            # candidates a point that there is room for besides: those of a flat cloth
 EPOCHS = 1 << 16       # substeps that a frame has fewer of
-REBUILT = 48           # frames after which trees are built anew: boxes of what has folded overlap
+THREADS = 1 << 18      # that go through candidates on a GPU, at most
+REBUILT = 48           # frames after which trees are sorted anew: boxes of what has folded overlap
 
 
 class Near:
-    """pairs: the list; words: what decides on the device (kernels/selfcontact/pairs.py); sums: what pairs add up."""
+    """pairs: the list; found: candidates for it; words: what decides on the device (kernels/selfcontact/pairs.py); sums: what
+    pairs add up."""
 
     def __init__(self, model: Model, surfaces: Surfaces):
         self.model, self.surfaces = model, surfaces
         real, module, device, t = model.real, model.module, model.device, types(model.real)
         self.tally, self.fold, self.fit = tubes.tally(real, module), tubes.fold(real, module), tubes.fit(real, module)
         self.axes, self.watch = tubes.axes(real, module), tubes.watch(real, module)
-        self.boxes, self.reach, self.roots = search.boxes(real, module), search.reach(real, module), roots(module)
+        self.meet, self.sift = search.meet(real, module), search.sift(real, module)
         self.listed = search.listed(real, module)
         zeros, n = partial(wp.zeros, device=device), surfaces.total
         self.words = zeros(pairs.WORDS, dtype=int)
@@ -38,16 +42,13 @@ class Near:
                            taken=zeros(1, dtype=wp.int64),
                            factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
         self.frames = filled(tubes.frames(real), rigid=zeros(4, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
-                             start=zeros(n, dtype=t.vec3), way=zeros(n, dtype=t.vec3), lead=zeros(n, dtype=int),
+                             start=zeros(n, dtype=t.vec3), way=zeros(n, dtype=t.vec3), lead=zeros(1, dtype=int),
                              beta=wp.full(n, surfaces.beta, dtype=real, device=device), off=zeros(n, dtype=real))
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
-        self.trees: list[wp.Bvh | None] = []             # None over nothing: rods have edges alone
-        self.low, self.high = ([zeros(len(each), dtype=wp.vec3f) for each in (surfaces.triangles, surfaces.edges)]
-                               for _ in range(2))
-        self.spans = self._spans()
-        self.root = [zeros(model.worlds, dtype=int) for _ in self.spans]
+        self.order = zeros(len(surfaces.points), dtype=int)      # of points that look
+        self.trees = [Tree(model, surfaces, kind, span) for kind, span in self._spans()]
         self.age = self.rounds = 0
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
         self.room(max(1024, EACH * len(surfaces.points)))
@@ -58,11 +59,12 @@ class Near:
         own = [(kind, slice(0, free[name])) for kind, name in found]
         return own + [(kind, slice(free[name], None)) for kind, name in found if self.surfaces.obstacles]
 
-    def _searches(self) -> list[tuple[int, int, int, int]]:
-        """(kind, first and number of the points or edges that look, tree that they look into): no collider into another."""
-        free, points = self.surfaces.free, len(self.surfaces.points)
-        own = [(0, 0, points, 0), (1, 0, free["edges"], 1)]
-        return own + [(0, 0, free["points"], 2), (1, 0, free["edges"], 3)] if points > free["points"] else own
+    def _searches(self) -> list[tuple[int, wp.array, int, int]]:
+        """(kind, points or edges that look, tree that they look into, 1: edges among themselves): no collider into another."""
+        edges, own = self.trees[1].tree.item, self.order[:self.surfaces.free["points"]]
+        found = [(0, self.order, 0, 0), (1, edges, 1, 1)]
+        found += [(0, own, 2, 0), (1, edges, 3, 0)] if self.surfaces.obstacles else []
+        return [each for each in found if len(self.trees[each[2]].corners)]              # rods have edges alone
 
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
@@ -73,6 +75,9 @@ class Near:
             ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
             **{k: wp.zeros(1, dtype=int, device=self.model.device) for k in ("rows", "active")},
             **{k: zeros(dtype=t.scalar) for k in scalars}, **{k: zeros(dtype=t.vec3) for k in vectors})
+        room = AROUND * len(self.surfaces.points) + search.CANDIDATES * capacity
+        self.found = filled(pairs.Candidates, capacity=room, count=wp.zeros(1, dtype=int, device=self.model.device),
+                            pair=wp.zeros(room, dtype=wp.vec2i, device=self.model.device))
         self.anew()
 
     def anew(self) -> None:
@@ -93,31 +98,16 @@ class Near:
 
     def build(self) -> None:
         """Trees over boxes where the points start, or anew over what they hold; not captured."""
-        if self.trees:
-            self.age += 1
-            if self.age % REBUILT == 0:
-                for tree in filter(None, self.trees):
-                    tree.rebuild()
-                self._roots()
-            return
-        start = self.surfaces.start(self.model).astype(self.model.dtype)
-        self.frames.start.assign(start)
-        self._boxes()
-        s = self.surfaces
-        groups = [self.model.upload(s.world[each[:, 0]], int) for each in (s.triangles, s.edges)]
-        self.trees = [wp.Bvh(self.low[kind][span], self.high[kind][span], groups=groups[kind][span])
-                      if len(self.low[kind]) else None for kind, span in self.spans]
-        self._roots()
-
-    def _roots(self) -> None:
-        for tree, root in zip(self.trees, self.root, strict=True):
-            if tree:
-                self.model.launch(self.roots, len(root), [tree.id], [root])
-
-    def _boxes(self) -> None:
-        for kernel, low, high in zip(self.boxes, self.low, self.high, strict=True):
-            if len(low):
-                self.model.launch(kernel, len(low), [self.surfaces.data, self.frames], [low, high])
+        if self.age == 0:
+            self.frames.start.assign(self.surfaces.start(self.model).astype(self.model.dtype))
+        if self.age % REBUILT == 0:
+            x = self.frames.start.numpy()
+            for tree in self.trees:
+                tree.sort(x)
+            free = self.surfaces.free["points"]
+            each = (self.surfaces.points[:free], self.surfaces.points[free:])
+            self.order.assign(np.concatenate([own[curve(x[own])] for own in each]))
+        self.age += 1
 
     def allow(self, rounds: int) -> None:
         """Projections that a substep has at most, in frames to come."""
@@ -141,16 +131,17 @@ class Near:
         """Makes the list, by what `at` holds, for so many substeps at most. begins 1: before the substep is solved."""
         launch, s, f = self.model.launch, self.surfaces, self.frames
         self.move(at, 1)
-        launch(self.axes, len(s.points), [s.data, at, most, self.words], [f])
-        self._boxes()
+        f.lead.fill_(most)
+        launch(self.axes, len(s.points), [s.data, at, self.words], [f])
         self.pairs.count.zero_()
-        for tree in filter(None, self.trees):
-            tree.refit()
-        for kind, first, n, k in self._searches():
-            start = wp.vec2i(first, self.spans[k][1].start)
-            if over := self.trees[k]:
-                launch(self.reach, n, [s.data, f, kind, start, over.id, self.root[k], s.thickness], [self.pairs])
-        launch(self.listed, 1, [self.pairs.count, begins], [f, self.words])
+        self.found.count.zero_()
+        for tree in self.trees:
+            tree.fit(f)
+        for kind, order, k, own in self._searches():
+            launch(self.meet, len(order), [s.data, f, kind, order, self.trees[k].tree, own, s.thickness], [self.found])
+        threads = min(self.found.capacity, THREADS) if self.model.device.is_cuda else 1
+        launch(self.sift, threads, [s.data, f, self.found, threads], [self.pairs])
+        launch(self.listed, 1, [self.found, begins], [self.pairs, f, self.words])
 
     def look(self, at, stop: int = 0) -> None:
         """Looks whether points are in their tubes where the substep ends."""

@@ -1,0 +1,126 @@
+"""A tree of boxes that move: each has corners where its tubes begin and where they end, linear in time between.
+
+Boxes that are apart along one axis, on the same side, where they begin and where they end are apart all the time between:
+corners go linearly. Only differences of motions enter, so that what goes along together, however far, has few boxes to look
+at, which boxes about whole ways do not.
+
+Nodes are numbered as those of a heap: 1 is the root, 2 i and 2 i + 1 are below node i, and leaves, as many as a power of two,
+stand in the order of a curve that keeps what is near together (wsim/physics/selfcontact/tree.py). A walk needs no stack:
+behind node i and what is below it comes i + 1 without the twos in it, the highest node that begins there; where that is 1 it
+ends. Each world has a tree of its own, 2 leaves nodes further on; empty leaves have boxes that meet none.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact.tubes import frames
+
+ROUNDED = 2.0 ** -22                     # of coordinates, that boxes are larger by: results of a few operations in float32
+Box = wp.types.matrix((4, 3), wp.float32)        # low and high corner where tubes begin, the same where they end [m]
+
+
+@wp.struct
+class Tree:
+    leaves: int
+    item: wp.array(dtype=int)            # the triangle or edge of a leaf, -1: none, (worlds * leaves,)
+    box: wp.array(dtype=Box)             # (worlds * 2 * leaves,)
+
+
+@wp.func
+def behind(node: int):
+    """Node that a walk comes to behind one and all below it; 0: none."""
+    more = node + 1
+    while more % 2 == 0:
+        more = more / 2
+    if more == 1:
+        more = 0
+    return more
+
+
+@wp.func
+def apart(a: Box, b: Box, room: float):
+    """Whether boxes stay more than `room` apart [m]."""
+    found = bool(False)
+    for k in range(3):
+        if a[0, k] - b[1, k] > room and a[2, k] - b[3, k] > room:
+            found = True
+        if b[0, k] - a[1, k] > room and b[2, k] - a[3, k] > room:
+            found = True
+    return found
+
+
+@wp.func
+def joined(a: Box, b: Box):
+    """Box about two."""
+    c = Box()
+    for k in range(3):
+        c[0, k] = wp.min(a[0, k], b[0, k])
+        c[1, k] = wp.max(a[1, k], b[1, k])
+        c[2, k] = wp.min(a[2, k], b[2, k])
+        c[3, k] = wp.max(a[3, k], b[3, k])
+    return c
+
+
+@cache
+def boxes(real):
+    """Functions: box about the tube of a point; and about that of points a, b, c."""
+    Frames = frames(real)
+
+    @wp.func
+    def tube(f: Frames, i: int):
+        lead = real(f.lead[0])
+        c = Box()
+        for k in range(3):
+            begin = f.start[i][k]
+            end = begin + lead * f.way[i][k]
+            room = f.beta[i] + real(ROUNDED) * (wp.abs(begin) + wp.abs(end))
+            c[0, k] = float(begin - room)
+            c[1, k] = float(begin + room)
+            c[2, k] = float(end - room)
+            c[3, k] = float(end + room)
+        return c
+
+    @wp.func
+    def about(f: Frames, a: int, b: int, c: int):
+        found = joined(tube(f, a), tube(f, b))
+        if c != b:
+            found = joined(found, tube(f, c))
+        return found
+
+    return tube, about
+
+
+@cache
+def lay(real, module):
+    """Kernel: boxes of leaves, of triangles (kind 0) or edges."""
+    Surfaces, Frames = pairs.surfaces(real), frames(real)
+    _, about = boxes(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def lay_leaves(s: Surfaces, f: Frames, kind: int, to: Tree):
+        j = wp.tid()
+        i = to.item[j]
+        if i >= 0:
+            ids = wp.vec3i(0, 0, 0)
+            if kind == 0:
+                ids = s.triangle[i]
+            if kind == 1:
+                ids = wp.vec3i(s.edge[i][0], s.edge[i][1], s.edge[i][1])
+            to.box[j + (1 + j / to.leaves) * to.leaves] = about(f, ids[0], ids[1], ids[2])
+
+    return lay_leaves
+
+
+@cache
+def join(module):
+    """Kernel: boxes of the nodes from `first` to 2 first - 1 of all worlds, of those below them."""
+    @wp.kernel(module=module, enable_backward=False)
+    def join_boxes(first: int, to: Tree):
+        j = wp.tid()
+        root = (j / first) * 2 * to.leaves
+        node = first + j % first
+        to.box[root + node] = joined(to.box[root + 2 * node], to.box[root + 2 * node + 1])
+
+    return join_boxes

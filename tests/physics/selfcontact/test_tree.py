@@ -1,0 +1,61 @@
+"""The tree of moving boxes: pairs of boxes that meet are found, each once."""
+
+import numpy as np
+import pytest
+
+from tests.physics.selfcontact.rig import crumple, run
+from wsim.physics.selfcontact.tree import curve
+
+STEPS = 64             # places in time where boxes are looked at
+
+
+def boxes(near, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the boxes of triangles or edges all along their tubes, (STEPS, n, 3) each, in float64."""
+    f = near.frames
+    start, way, beta, lead = (getattr(f, name).numpy().astype(float) for name in ("start", "way", "beta", "lead"))
+    at = start + np.linspace(0.0, lead[0], STEPS)[:, None, None] * way
+    return (at - beta[:, None])[:, ids].min(axis=2), (at + beta[:, None])[:, ids].max(axis=2)
+
+
+def meeting(near, a: np.ndarray, b: np.ndarray) -> set[tuple[int, int]]:
+    """Pairs (i of a, j of b) without a common point that come within the thickness along an axis each, at one time."""
+    (low, high), (low_b, high_b) = boxes(near, a), boxes(near, b)
+    room, found = near.surfaces.thickness, np.zeros((len(a), len(b)), bool)
+    for k in range(STEPS):
+        gap = np.maximum(low[k][:, None] - high_b[k][None], low_b[k][None] - high[k][:, None])
+        found |= (gap <= room).all(axis=-1)
+    found &= ~(a[:, None, :, None] == b[None, :, None, :]).any(axis=(-1, -2))
+    return set(zip(*map(np.ndarray.tolist, np.nonzero(found)), strict=True))
+
+
+def candidates(near) -> tuple[list, list]:
+    """(point, triangle) and (edge, edge) that were found."""
+    count = int(near.found.count.numpy()[0])
+    assert count <= near.found.capacity
+    pair = near.found.pair.numpy()[:count]
+    edges = pair[pair[:, 1] < 0]
+    return ([tuple(p) for p in pair[pair[:, 1] >= 0].tolist()],
+            [tuple(sorted((i, -1 - k))) for i, k in edges.tolist()])
+
+
+@pytest.mark.parametrize("side", [9, 12])
+def test_boxes_that_meet_are_found_once(side):
+    sim = run(crumple(0, side, 8.0))
+    sim.run(8)
+    near = sim.plan.method("selfcontact").near
+    s = near.surfaces
+    tip, edge = candidates(near)
+    assert len(set(tip)) == len(tip) and len(set(edge)) == len(edge) and edge
+    wanted = meeting(near, s.points[:, None], s.triangles)
+    assert {(s.points[i], k) for i, k in wanted} <= set(tip)
+    assert {p for p in meeting(near, s.edges, s.edges) if p[0] < p[1]} <= set(edge)
+    assert len(tip) + len(edge) < 4 * (len(wanted) + len(edge)) and len(tip) < 0.7 * len(s.points) * len(s.triangles)
+
+
+def test_a_curve_keeps_what_is_near_together():
+    x = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
+    order = curve(np.random.default_rng(0).permutation(x))
+    assert sorted(order) == list(range(512))
+    y = np.random.default_rng(0).permutation(x)[order]
+    assert np.ptp(y.reshape(64, 8, 3), axis=1).max() == 1.0          # each eight are one cube
+    assert curve(np.zeros((0, 3))).shape == (0,) and list(curve(np.zeros((3, 3)))) == [0, 1, 2]
