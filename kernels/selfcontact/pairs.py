@@ -21,10 +21,11 @@ OVER = 1.6                               # over-relaxation of sweeps along norma
 # projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
 # and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
 # lists that were made in this substep; points out of their tubes behind projections; cuts have ended, and pairs lack a proof;
-# 1: a point was cut by much in this substep; how many running; substeps that the list has held
+# 1: a point was cut by much in this substep; how many running; substeps that the list has held; sweeps go on, as pairs are too
+# near; how many more were taken
 SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED, PINCH = range(16)
-WORST, RUN, AGE = 16, 17, 18
-WORDS = 19
+WORST, RUN, AGE, NEARER, MORE = range(16, 21)
+WORDS = 21
 
 
 @cache
@@ -72,6 +73,7 @@ def lists(real):
         gap: wp.array(dtype=t.scalar)             # least n . (p_i - p_j) there [m]
         least: wp.array(dtype=t.scalar)           # s, the gap that what is written needs [m]
         push: wp.array(dtype=t.vec3)              # accumulated push [m kg]
+        swept: wp.array(dtype=t.vec3)             # push that the sweep before made, from which the next leads ahead [m kg]
         past: wp.array(dtype=t.vec3)              # push of the substep before, 0 in the first of a list [m kg]
         rows: wp.array(dtype=int)                 # pairs that may meet in this substep, (1,): what sweeps are over
         row: wp.array(dtype=int)                  # them

@@ -11,6 +11,12 @@ n and b are those of the start of the substep. All pairs move at once (Jacobi), 
 which bounds the rows of the matrix of all pairs (Gershgorin), so that sweeps settle; where pairs share no point it is the exact
 mass. As mass splitting (Tonge, Benevolenski, Voroshilov 2012), with shares by weight in place of counts. A pair that begins
 nearer than it is to be goes apart by `recovery` h at most.
+
+Sweeps that go on (words[MORE] blocks of MORE) lead ahead, which takes k sweeps to where Jacobi's would take some k^2 (Nesterov
+1983, as Su, Boyd, Candes 2016, eq. 1; begun anew every AGAIN sweeps: O'Donoghue, Candes 2015, section 3.1): with P' what a
+sweep makes of the push that it found, and Q' what the one before made,
+
+    P <- P' + k / (k + 3) (P' - Q')      k = 0, 1 ..., where all of these push; P' behind the last sweep of a block
 """
 
 from functools import cache
@@ -22,6 +28,8 @@ from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
 
 SMALL = 1e-3           # of what a pair keeps: one that is as near to it takes part in the last sweep of an iteration only,
+DEPTH = 0.5            # of what a pair is to keep: sweeps go on while one would end nearer
+MORE, AGAIN = 24, 96   # sweeps of one block that leads ahead; those behind which it begins anew
 CALM = 1e-4            # if it slips and errs by less than this over the substep, too [m/s]: what rests is this calm
 
 
@@ -64,19 +72,32 @@ def lean(real, module):
 
 
 @cache
+def leads(real):
+    """Function: k / (k + 3) of a sweep, by its number in its block; -1 where it does not lead ahead."""
+    @wp.func
+    def leads(more: int, words: wp.array(dtype=int)):
+        if more < 0:
+            return real(-1.0)
+        k = ((words[pairs.MORE] - 1) * MORE + more) % AGAIN
+        return wp.where(more == MORE - 1, real(0.0), real(k) / real(k + 3))
+
+    return leads
+
+
+@cache
 def press(real, module):
-    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'. threads: as
-    `lean`."""
+    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'. more: number of a
+    sweep in its block of those that lead ahead; -1: it does not. threads: as `lean`."""
     t = types(real)
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
-    fixed = pairs.fixed(real)
+    fixed, lead_of = pairs.fixed(real), leads(real)
 
     @wp.func
     def after(n: t.vec3, push: t.vec3, C: real, W: real, slip: t.vec3, mu: t.vec2):
         """The push of a pair after the sweep."""
         lam = wp.dot(push, n)
         T = push - lam * n
-        lam = wp.max(lam - real(pairs.OVER) * C / W, real(0.0))
+        lam = wp.max(lam - C / W, real(0.0))
         T = T - (slip - wp.dot(slip, n) * n) / W
         size = wp.length(T)
         if size > mu[0] * lam:
@@ -84,7 +105,7 @@ def press(real, module):
         return lam * n + T
 
     @wp.func
-    def one(s: Surfaces, at: State, climb: real, i: int, near: Pairs, to: Sums):
+    def one(s: Surfaces, at: State, climb: real, lead: real, i: int, near: Pairs, to: Sums):
         ids = near.ids[i]
         b = near.b[i]
         n = near.n[i]
@@ -100,16 +121,64 @@ def press(real, module):
             mu += real(0.5) * wp.abs(b[k]) * s.friction[q]
         if W > real(0.0):
             push = near.push[i]
-            then = after(n, push, C, W, slip, mu)
+            over = real(pairs.OVER)
+            if lead > real(0.0):
+                over = real(1.0)
+            then = after(n, push, over * C, W, slip, mu)
+            if lead > real(0.0) and wp.dot(then, n) > real(0.0) and wp.dot(push, n) > real(0.0):
+                ahead = then + lead * (then - near.swept[i])
+                near.swept[i] = then
+                if wp.dot(ahead, n) > real(0.0):
+                    then = ahead
+            else:
+                near.swept[i] = then
             near.push[i] = then
             for k in range(4):
                 fixed(to, ids[k], (s.w[ids[k]] * b[k]) * (then - push))
 
     @wp.kernel(module=module, enable_backward=False)
-    def press_pairs(s: Surfaces, at: State, climb: real, threads: int, near: Pairs, to: Sums):
+    def press_pairs(s: Surfaces, at: State, climb: real, more: int, threads: int, near: Pairs, words: wp.array(dtype=int),
+                    to: Sums):
+        lead = lead_of(more, words)
         j = wp.tid()
         while j < near.active[0]:
-            one(s, at, climb, near.on[j], near, to)
+            one(s, at, climb, lead, near.on[j], near, to)
             j += threads
 
     return press_pairs
+
+
+@cache
+def nearer(real, module):
+    """Kernel: words[NEARER] becomes 1 where a pair ends nearer than DEPTH of where it is to be. first 1: words[MORE] begins."""
+    Pairs, State = pairs.lists(real), states(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def nearer_pairs(at: State, climb: real, first: int, threads: int, near: Pairs, words: wp.array(dtype=int)):
+        j = wp.tid()
+        if j == 0 and first > 0:
+            words[pairs.MORE] = 0
+        while j < near.rows[0]:
+            i = near.row[j]
+            ids = near.ids[i]
+            b = near.b[i]
+            end = near.away[i]
+            for k in range(4):
+                end += b[k] * wp.dot(near.n[i], at.d[ids[k]] - at.e[ids[k]])
+            if end < real(DEPTH) * wp.min(near.keep[i], near.away[i] + climb):
+                wp.atomic_max(words, pairs.NEARER, 1)
+            j += threads
+
+    return nearer_pairs
+
+
+@cache
+def further(module):
+    """Kernel: counts sweeps, and ends them behind `most`."""
+    @wp.kernel(module=module, enable_backward=False)
+    def further_sweeps(most: int, words: wp.array(dtype=int)):
+        words[pairs.MORE] = words[pairs.MORE] + 1
+        if words[pairs.MORE] > most:
+            words[pairs.NEARER] = 0
+
+    return further_sweeps

@@ -11,7 +11,8 @@ that pushes with P [m kg] in a substep h:
                where it pushed alike in the substep before, all of the half belongs to the kick
 
 Sweeps of Jacobi with the masses of kernels/selfcontact/rows.py, from Q = 0 or, by leapfrog, from all of the half: at rest it is
-the solution. As `settle` of kernels/contact/project.py and kernels/motion/explicit.py, of points against colliders.
+the solution. By BDF2 they go on, and lead ahead, while a pair lacks much. As `settle` of kernels/contact/project.py and
+kernels/motion/explicit.py, of points against colliders.
 """
 
 from functools import cache
@@ -21,7 +22,9 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import ALIKE
 from wsim.kernels.motion.points import states
-from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact import pairs, rows
+
+LITTLE = 0.1           # of the distance that a pair keeps: sweeps go on while a substep's motion errs by more
 
 
 @cache
@@ -39,6 +42,8 @@ def aims(real):
         least: wp.array(dtype=t.scalar)           # of q
         most: wp.array(dtype=t.scalar)
         q: wp.array(dtype=t.scalar)               # impulse along n [kg m/s]
+        swept: wp.array(dtype=t.scalar)           # that the sweep before made [kg m/s]
+        keep: wp.array(dtype=t.scalar)            # distance that the pair keeps [m]
 
     return Aims
 
@@ -61,6 +66,7 @@ def gather(real, module):
             push = near.push[i]
             to.ids[j] = near.ids[i]
             to.b[j] = near.b[i]
+            to.keep[j] = near.keep[i]
             to.aim[j] = real(0.0)
             size = wp.length(push)
             n = t.vec3()
@@ -129,13 +135,28 @@ def aim(real, module):
 
 @cache
 def strike(real, module):
-    """Kernel: one sweep; v: velocities that pairs look at [m/s]."""
+    """Kernel: one sweep; v: velocities that pairs look at [m/s]; more: as `press` of kernels/selfcontact/rows.py."""
     t = types(real)
     Aims, Sums = aims(real), pairs.sums(real)
-    fixed = pairs.fixed(real)
+    fixed, lead_of = pairs.fixed(real), rows.leads(real)
+
+    @wp.func
+    def after(aim: Aims, j: int, r: real, lead: real):
+        """The impulse behind a sweep, by the velocity r that is lacking times the mass."""
+        over = real(pairs.OVER)
+        if lead > real(0.0):
+            over = real(1.0)
+        then = wp.clamp(aim.q[j] - over * r, aim.least[j], aim.most[j])
+        ahead = then
+        if lead > real(0.0):
+            ahead = wp.clamp(then + lead * (then - aim.swept[j]), aim.least[j], aim.most[j])
+        aim.swept[j] = then
+        return ahead
 
     @wp.kernel(module=module, enable_backward=False)
-    def strike_pairs(w: wp.array(dtype=real), v: wp.array(dtype=t.vec3), aim: Aims, threads: int, to: Sums):
+    def strike_pairs(w: wp.array(dtype=real), v: wp.array(dtype=t.vec3), aim: Aims, more: int, words: wp.array(dtype=int),
+                     threads: int, to: Sums):
+        lead = lead_of(more, words)
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > aim.least[j]:
@@ -149,13 +170,39 @@ def strike(real, module):
                     r += b[k] * wp.dot(n, v[ids[k]])
                 if W > real(0.0):
                     before = aim.q[j]
-                    after = wp.clamp(before - real(pairs.OVER) * r / W, aim.least[j], aim.most[j])
-                    aim.q[j] = after
+                    now = after(aim, j, r / W, lead)
+                    aim.q[j] = now
                     for k in range(4):
-                        fixed(to, ids[k], (w[ids[k]] * b[k] * (after - before)) * n)
+                        fixed(to, ids[k], (w[ids[k]] * b[k] * (now - before)) * n)
             j += threads
 
     return strike_pairs
+
+
+@cache
+def lacking(real, module):
+    """Kernel: words[NEARER] becomes 1 where a pair that could be given more lacks a velocity by which it goes LITTLE of its
+    distance in h. first 1: words[MORE] begins."""
+    t = types(real)
+    Aims = aims(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def lacking_pairs(v: wp.array(dtype=t.vec3), aim: Aims, h: real, first: int, threads: int, words: wp.array(dtype=int)):
+        j = wp.tid()
+        if j == 0 and first > 0:
+            words[pairs.MORE] = 0
+        while j < aim.count[0]:
+            ids = aim.ids[j]
+            b = aim.b[j]
+            r = -aim.aim[j]
+            for k in range(4):
+                r += b[k] * wp.dot(aim.n[j], v[ids[k]])
+            free = (r > real(0.0) and aim.q[j] > aim.least[j]) or (r < real(0.0) and aim.q[j] < aim.most[j])
+            if free and wp.abs(r) * h > real(LITTLE) * aim.keep[j]:
+                wp.atomic_max(words, pairs.NEARER, 1)
+            j += threads
+
+    return lacking_pairs
 
 
 @cache

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.selfcontact.rig import run, said
+from tests.physics.selfcontact.rig import SOLVERS, run, said
 from tests.physics.selfcontact.test_colliders import crossed, dropped, spike, turning
+from tests.physics.selfcontact.test_squeezed import squeezed
 
 wp.init()
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
@@ -31,3 +32,16 @@ def test_results_are_the_same_from_run_to_run():
         sim.run(10)
         found.append(sim.positions("/cloth"))
     assert np.array_equal(*found)
+
+
+@pytest.mark.parametrize("solver", ["newton", "xpbd", "newton bdf2"])
+def test_a_light_sheet_between_heavy_ones_is_not_cut(solver):
+    """Sweeps that go on within a graph, as many as they need."""
+    found = []
+    for _ in range(2):
+        sim = run(squeezed(**SOLVERS[solver]), "cuda:0")
+        sim.run(3)
+        told = said(sim)
+        assert told["cut"] == told["held"] == told["projected"] == 0, told
+        found.append(np.concatenate([sim.positions(b.path) for b in sim.model.bodies]))
+    assert np.array_equal(*found) and np.isfinite(found[0]).all()

@@ -2,8 +2,11 @@
 that no substep ends with an intersection that it did not begin with.
 
 XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps and Newton's method they come as
-impulses, BEHIND of them (as pairs of carriers do). The guarantee is the same behind each solver: it changes displacements
-before velocities are made of them. Integrators whose substeps end elsewhere than where they solve are refused.
+impulses, BEHIND of them (as pairs of carriers do), and more while a pair would end at less than half of its distance: what is
+light between what is heavy takes hundreds. Not by leapfrog: its steps are short, and what is read behind half a kick is given
+half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same behind each solver:
+it changes displacements before velocities are made of them. Integrators whose substeps end elsewhere than where they solve are
+refused.
 """
 
 from __future__ import annotations
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
 
 SAID = "self-contact"  # status words, see kernels/selfcontact/cut.py
 SWEEPS, BEHIND, LAST = 3, 24, 24 # of contact rows: in an iteration of XPBD, behind another solver, behind XPBD's last
+LONGER = 16                      # blocks of more sweeps (kernels/selfcontact/rows.py), at most, while pairs would end too near
 THREADS = 1 << 18                # of a sweep on a GPU, at most: each takes more pairs, where there are more
 ROUNDS, MORE = 16, 3             # projections of what is not certified, at most; times as many in a frame that lost too much
 LOSS = 5                         # percent of its motion that a point may lose in a substep before the frame is repeated
@@ -64,6 +68,7 @@ class SelfContact(Method):
         self.near = Near(b.model, self.surfaces)
         self.guarantee = Guarantee(b.model, self.near)
         self.lean, self.press = rows.lean(real, module), rows.press(real, module)
+        self.nearer, self.further = rows.nearer(real, module), rows.further(module)
         self.total = np.zeros(cut.SAID, np.int64)
         self.frames = self.repeats = self.run = 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
@@ -126,26 +131,48 @@ class SelfContact(Method):
 
     def touch(self, clock: Clock) -> None:
         import warp as wp
+        last = not self.within or clock.i == clock.iterations - 1
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
-        if self.within and clock.i == clock.iterations - 1:
+        if self.within and last:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))
-        if not self.within or clock.i == clock.iterations - 1:
+        if last and not self.settle.halved:
+            wp.capture_if(self.near.word(pairs.NEAR), lambda: self.look(clock, 1))
+            wp.capture_while(self.near.word(pairs.NEARER), lambda: self.more(clock))
+        if last:
             self.settle.gather(clock)
 
-    def sweep(self, clock: Clock, count: int) -> None:
+    def look(self, clock: Clock, first: int) -> None:
+        """Whether sweeps go on."""
+        near = self.near
+        threads = min(near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
+        self.borrow()
+        near.word(pairs.NEARER).zero_()
+        self.model.launch(self.nearer, threads, [self.at(), RECOVERY * clock.h, first, threads, near.pairs], [near.words])
+        self.go_on()
+
+    def go_on(self) -> None:
+        """Counts a block of sweeps, and ends them behind LONGER."""
+        self.model.launch(self.further, 1, [LONGER], [self.near.words])
+
+    def more(self, clock: Clock) -> None:
+        self.sweep(clock, rows.MORE, True)
+        self.look(clock, 0)
+
+    def sweep(self, clock: Clock, count: int, leads: bool = False) -> None:
         """Sweeps over the pairs that push, each before one of the contacts of points with colliders, which what is pushed rests
         on."""
         near, data, at, climb, calm = self.near, self.surfaces.data, self.at(), RECOVERY * clock.h, rows.CALM * clock.h
         self.borrow()
         threads = min(near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
-        anew = ANEW if self.within else 1
+        anew = 1 if leads or not self.within else ANEW
         for k in range(count):
             last = int(k == count - 1)
             if k % anew == 0 or last:
                 near.pairs.active.zero_()
                 self.model.launch(self.lean, threads, [at, climb, calm, last, threads, near.pairs], [near.sums])
             again = int(last or k == count - 2 or k % anew == anew - 1)
-            self.model.launch(self.press, threads, [data, at, climb, threads, near.pairs], [near.sums])
+            inputs = [data, at, climb, k if leads else -1, threads, near.pairs, near.words]
+            self.model.launch(self.press, threads, inputs, [near.sums])
             self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, again, near.sums], [at.d])
             if self.contact:
                 self.give()

@@ -69,7 +69,7 @@ class Near:
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
         zeros, t = partial(wp.zeros, capacity, device=self.model.device), types(self.model.real)
-        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "past")
+        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "swept", "past")
         self.pairs = filled(
             pairs.lists(self.model.real), capacity=capacity, count=wp.zeros(1, dtype=int, device=self.model.device),
             ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},

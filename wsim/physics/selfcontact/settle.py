@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.selfcontact import pairs, settle
+from wsim.kernels.selfcontact import pairs, rows, settle
 from wsim.model.structs import filled
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class Settle:
             real, module = self.model.real, self.model.module
             self.kernels = {f.__name__: f(real, module) for f in (settle.gather, settle.spread, settle.strike, settle.combine)}
             if self.memory:
-                self.kernels["aim"] = settle.aim(real, module)
+                self.kernels |= {"aim": settle.aim(real, module), "lacking": settle.lacking(real, module)}
             vec3 = types(real).vec3
             self.v, self.given, self.lasting = (wp.zeros(method.surfaces.total, dtype=vec3, device=self.model.device)
                                                 for _ in range(3))
@@ -42,7 +42,8 @@ class Settle:
             return
         t, device = types(self.model.real), self.model.device
         n = self.capacity = self.method.near.pairs.capacity
-        dtypes = {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(("aim", "least", "most", "q"), t.scalar)}
+        scalars = ("aim", "least", "most", "q", "swept", "keep")
+        dtypes = {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(scalars, t.scalar)}
         self.aims = filled(settle.aims(self.model.real), count=wp.zeros(1, dtype=int, device=device),
                            **{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
         self.threads = n if device.is_cuda else 1
@@ -67,10 +68,28 @@ class Settle:
         self.model.launch(method.guarantee.add, len(point), [point, v, 1, method.near.sums], [v])
 
     def sweep(self, v: wp.array) -> None:
-        w, sums = self.method.surfaces.data.w, self.method.near.sums
-        for _ in range(SWEEPS):
-            self.pairs("spread", [w, self.aims, 0.0], [sums])
-            self.pairs("strike", [w, v, self.aims], [sums])
+        """Sweeps; by BDF2 more of them while a pair lacks much."""
+        self.sweeps(v, SWEEPS, False)
+        if self.memory:
+            self.look(v, 1)
+            wp.capture_while(self.method.near.word(pairs.NEARER), lambda: self.more(v))
+
+    def more(self, v: wp.array) -> None:
+        self.sweeps(v, rows.MORE, True)
+        self.look(v, 0)
+
+    def look(self, v: wp.array, first: int) -> None:
+        """Whether sweeps go on."""
+        near = self.method.near
+        near.word(pairs.NEARER).zero_()
+        self.pairs("lacking", [v, self.aims, self.clock.h, first], [near.words])
+        self.method.go_on()
+
+    def sweeps(self, v: wp.array, count: int, leads: bool) -> None:
+        w, near = self.method.surfaces.data.w, self.method.near
+        for k in range(count):
+            self.pairs("spread", [w, self.aims, 0.0], [near.sums])
+            self.pairs("strike", [w, v, self.aims, k if leads else -1, near.words], [near.sums])
             self.add(v)
 
     def asked(self, clock: Clock) -> bool:
