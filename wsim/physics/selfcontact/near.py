@@ -11,7 +11,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, search, tubes
 from wsim.model.structs import filled
-from wsim.physics.selfcontact.tree import Tree, curve
+from wsim.physics.selfcontact.tree import Order, Tree
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -22,7 +22,7 @@ EACH = 4               # pairs a point that there is room for at first
 AROUND = 12            # candidates a point that there is room for besides: those of a flat cloth
 EPOCHS = 1 << 16       # substeps that a frame has fewer of
 THREADS = 1 << 18      # that go through candidates on a GPU, at most
-REBUILT = 48           # frames after which trees are sorted anew: boxes of what has folded overlap
+SORTED = 8             # frames after which trees are sorted anew: boxes of what has folded overlap
 
 
 class Near:
@@ -47,7 +47,8 @@ class Near:
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
-        self.order = zeros(len(surfaces.points), dtype=int)      # of points that look
+        own, theirs = np.split(surfaces.points, [surfaces.free["points"]])
+        self.tips = [Order(model, surfaces, 2, [each]) for each in (own, theirs) if len(each)]       # points that look
         self.trees = [Tree(model, surfaces, kind, span) for kind, span in self._spans()]
         self.age = self.rounds = 0
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
@@ -61,10 +62,10 @@ class Near:
 
     def _searches(self) -> list[tuple[int, wp.array, int, int]]:
         """(kind, points or edges that look, tree that they look into, 1: edges among themselves): no collider into another."""
-        edges, own = self.trees[1].tree.item, self.order[:self.surfaces.free["points"]]
-        found = [(0, self.order, 0, 0), (1, edges, 1, 1)]
-        found += [(0, own, 2, 0), (1, edges, 3, 0)] if self.surfaces.obstacles else []
-        return [each for each in found if len(self.trees[each[2]].corners)]              # rods have edges alone
+        edges = self.trees[1].tree.item
+        found = [*((0, tips.item, 0, 0) for tips in self.tips), (1, edges, 1, 1)]
+        found += [(0, self.tips[0].item, 2, 0), (1, edges, 3, 0)] if self.surfaces.obstacles else []
+        return [each for each in found if self.trees[each[2]].number]            # rods have edges alone
 
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
@@ -97,16 +98,12 @@ class Near:
         self.sums.factor.fill_(1.0)
 
     def build(self) -> None:
-        """Trees over boxes where the points start, or anew over what they hold; not captured."""
+        """Sorts what looks and what is looked into, first by where points start; not captured."""
         if self.age == 0:
             self.frames.start.assign(self.surfaces.start(self.model).astype(self.model.dtype))
-        if self.age % REBUILT == 0:
-            x = self.frames.start.numpy()
-            for tree in self.trees:
-                tree.sort(x)
-            free = self.surfaces.free["points"]
-            each = (self.surfaces.points[:free], self.surfaces.points[free:])
-            self.order.assign(np.concatenate([own[curve(x[own])] for own in each]))
+        if self.age % SORTED == 0:
+            for order in (*self.tips, *(tree.order for tree in self.trees)):
+                order.sort(self.frames)
         self.age += 1
 
     def allow(self, rounds: int) -> None:
