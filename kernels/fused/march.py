@@ -6,6 +6,9 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.cloth.spring import net
+from wsim.kernels.contact.project import slots, tables
+from wsim.kernels.contact.restitution import bounces
+from wsim.kernels.fused.contact import meeting, settled, written
 from wsim.kernels.fused.domains import sheets
 from wsim.kernels.fused.own import ending, moving, owned
 from wsim.kernels.fused.sheet import passes
@@ -45,3 +48,43 @@ def frame(real, module, plan, damped: bool, bounded: bool = False):
 
     return wp.kernel(frame, name="frame_sheets" + "_bounded" * bounded, module=module, enable_backward=False,
                      grid_stride=False, launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)
+
+
+@cache
+def met(real, module, plan, damped: bool, contact: tuple):
+    """Kernel of frames with contacts, as `frame`: leapfrog that goes on from half a step before, see kernels/fused/contact.py.
+    contact: kinds of colliders, whether meshes have lists, whether some throw back."""
+    Net, Sheets, Step = net(real), sheets(real, plan.materials), steps(real)
+    Own, Written = owned(real), written(real)
+    (Rows, Points), Slots, Bounces = tables(real), slots(real), bounces(real)
+    enter, forces, send, leave = passes(real, plan, damped, acts=True)
+    (_, moved), finish, meet, settle = moving(real), ending(real), meeting(contact[0], real, *contact[1:]), settled(real)
+
+    def met(c: Net, h: Sheets, step: Step, s: Written, rows: Rows, points: Points, at: Slots, b: Bounces):
+        room = wp.tile_empty(shape=wp.static(plan.words), dtype=float, storage="shared")      # `sheet_room`   # noqa: F841
+        own = Own()
+        enter(c, h, step, s.x, s.e, s.v, s.r, own)
+        if own.point >= 0 and own.w > real(0.0) and s.halved == 0:
+            own.v = s.half[own.point]
+        first = own.point >= 0 and own.lane == 0
+        for sub in range(step.count + 1):
+            kick = wp.where(sub == 0, step.kick, step.later)
+            if sub == step.count:
+                kick = step.close
+            forces(own, kick, sub)
+            if sub < step.count:
+                before = own.d
+                moved(own, kick, step, sub)
+                if first:
+                    meet(rows, points, at, b, s.push, own, before, sub)
+                send(c, h, step, own, sub)
+        leave()
+        if first:
+            s.half[own.point] = own.v
+            v = own.v
+            if own.w > real(0.0):
+                v = settle(own, own.v + (step.close * own.a + own.r))
+            finish(own, v, s.x, s.e, s.v, s.r)
+
+    return wp.kernel(met, name=f"met_sheets_{'_'.join(contact[0])}", module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)

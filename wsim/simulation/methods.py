@@ -64,11 +64,17 @@ class Build:
         return pushes == ["selfcontact"] and not any(np.isfinite(p.stiffness) for p in self.scene.pins)
 
     @property
-    def aired(self) -> bool:
-        """True if nothing but the air acts within a substep of leapfrog on a GPU."""
-        pushes = [row.name for row in METHODS if row.pushes and self.reasons[row.name]]
-        return (pushes == ["aero"] and not any(np.isfinite(p.stiffness) for p in self.scene.pins)
-                and self.model.device.is_cuda and len(self.choice.integrator.steps) == 2)
+    def taken(self) -> frozenset[str]:
+        """Names of the methods that act within a substep of leapfrog on a GPU, where blocks that share sheets may take all of
+        them (`wsim.physics.fused.domains`): the air, and contacts with what keeps its shape."""
+        pushes = frozenset(row.name for row in METHODS if row.pushes and self.reasons[row.name])
+        soft = any(np.isfinite(p.stiffness) for p in self.scene.pins)
+        if soft or not pushes <= {"aero", "contact"} or not self.model.device.is_cuda or len(self.choice.integrator.steps) != 2:
+            return frozenset()
+        if "contact" in pushes:
+            from wsim.physics.contact.clearance import lasting
+            return pushes if lasting(self.scene) and not carried(self.scene) else frozenset()
+        return pushes
 
     def carriers(self) -> dict[str, Any]:
         """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""
