@@ -1,14 +1,15 @@
-"""Contacts of a point with colliders within frames of one launch (kernels/fused/march.py): what kernels/contact has, launch by
-launch, between the prediction of a substep and its end.
+"""What acts on a point between the prediction of a substep and its end, within frames of one launch (kernels/fused/march.py),
+in the order of launches:
 
-    found       kernels/contact/search.py, at the place where the substep began, rounded as x is between launches
-    projected   kernels/contact/project.py, once
+    found       contacts, kernels/contact/search.py, at the place where the substep began, rounded as x is between launches
+    held        soft pins and tethers, hold.py; contacts, kernels/contact/project.py: in each iteration
     thrown      kernels/contact/restitution.py, where colliders throw back
     corrected   what they changed is a change of velocity, too: `correct` of kernels/motion/explicit.py
 
 The slots keep the contacts of the last substep, as launches do. One thread of a point is in here, the others wait.
 """
 
+from dataclasses import dataclass
 from functools import cache
 
 import warp as wp
@@ -16,15 +17,27 @@ import warp as wp
 from wsim.kernels.contact.project import SUNK, projecting, slots, tables
 from wsim.kernels.contact.restitution import bounces, formula
 from wsim.kernels.contact.search import finding
+from wsim.kernels.fused.hold import held, pinning, tethering
 from wsim.kernels.fused.own import owned
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import ALIKE
 
 
+@dataclass(frozen=True)
+class Acts:
+    """Things that act. kinds: of colliders; listed: meshes have lists of candidates; throws: some colliders throw back."""
+
+    kinds: tuple[str, ...] = ()
+    listed: bool = False
+    throws: bool = False
+    pinned: bool = False
+    tethered: bool = False
+
+
 @cache
 def written(real):
-    """Struct of what contacts and motion write, in place."""
-    vec3 = types(real).vec3
+    """Struct of what a frame is told and what it writes, in place."""
+    vec3, Bounces = types(real).vec3, bounces(real)
 
     @wp.struct
     class Written:
@@ -33,23 +46,24 @@ def written(real):
         v: wp.array(dtype=vec3)
         r: wp.array(dtype=vec3)
         half: wp.array(dtype=vec3)           # velocity half a step before the end [m/s], (points,)
-        halved: int                          # 1: the frame begins with half a kick of v; 0: it goes on from `half`
         push: wp.array(dtype=vec3)           # of contacts, (slots,)
+        bounces: Bounces
+        halved: int                          # 1: the frame begins with half a kick of v; 0: it goes on from `half`
+        iterations: int
 
     return Written
 
 
 @cache
 def throwing(real):
-    """Function (c, s, i, push, own, at: d and a, move: D, e) -> d and a in rows: the fastest impact of point i throws it back;
-    its normal is kept. D: displacement as it was predicted."""
+    """Function (c, s, push, own, at: d and a, D) -> d and a in rows: the fastest impact of a point throws it back, and its
+    normal is kept. D: displacement as it was predicted."""
     t, Own, two = types(real), owned(real), wp.types.matrix((2, 3), real)
     Bounces, Slots, (struck, thrown) = bounces(real), slots(real), formula(real)
 
     @wp.func
     def throwing(c: Bounces, s: Slots, push: wp.array(dtype=t.vec3), own: wp.ref[Own], at: two, D: t.vec3):
         i = own.point
-        own.normal = t.vec3()
         A = (c.bend / (c.h * c.h)) * (c.h * own.v - D)
         V0 = own.v - c.h * A
         slot = struck(c, s, push, i, V0)
@@ -70,41 +84,50 @@ def throwing(real):
 
 
 @cache
-def meeting(kinds: tuple[str, ...], real, listed: bool, throws: bool):
-    """Function (c, points, s, b, push, own, before, k): contacts of a point in substep k, which has moved it from the
-    displacement `before`. listed: meshes have lists of candidates; throws: colliders may."""
-    t, Own = types(real), owned(real)
-    (Rows, Points), Slots, Bounces = tables(real), slots(real), bounces(real)
-    find, one, throw = finding(kinds, real, False, listed), projecting(real), throwing(real)
+def acting(acts: Acts, real):
+    """Function (c, points, s, hold, out, own, before, k): what acts on a point in substep k, which has moved it from the
+    displacement `before`."""
+    t, Own, Held, Written = types(real), owned(real), held(real), written(real)
+    (Rows, Points), Slots, met = tables(real), slots(real), bool(acts.kinds)
+    find, one, throw = finding(acts.kinds, real, False, acts.listed), projecting(real), throwing(real)
+    pin, tether = pinning(real), tethering(real)
 
     @wp.func
-    def meeting(c: Rows, points: Points, s: Slots, b: Bounces, push: wp.array(dtype=t.vec3), own: wp.ref[Own],
-                before: t.vec3, k: int):
+    def acting(c: Rows, points: Points, s: Slots, hold: Held, out: Written, own: wp.ref[Own], before: t.vec3, k: int):
         i = own.point
         x = own.x + before
         start = x - own.x                                       # displacement of the rounded place
         e = before - start
         d = own.d - start
-        deep = s.mark[i] & SUNK
-        if k == 0:
-            deep = deep | c.deep[0]
-        carried = find(c, points, s, wp.vec3i(i, k, deep), x, d, push)
+        at = wp.matrix_from_rows(d, e)
         own.before = own.change
-        own.change = t.vec3()
         own.normal = t.vec3()
-        if s.count[i] > 0:
+        if wp.static(met):
+            deep = s.mark[i] & SUNK
+            if k == 0:
+                deep = deep | c.deep[0]
+            carried = find(c, points, s, wp.vec3i(i, k, deep), x, d, out.push)
             at = wp.matrix_from_rows(d + carried, e + carried)
-            at[0] = one(c, points, s, i, c.h, at, push, push)
-            if wp.static(throws):
-                at = throw(b, s, push, own, at, d - e)
-            own.change = ((at[0] - at[1]) - (d - e)) / c.h
+        for m in range(out.iterations):
+            if wp.static(acts.pinned):
+                at[0] = pin(hold, wp.vec3i(i, k, m), own.w, x, at)
+            if wp.static(acts.tethered):
+                at[0] = tether(hold, i, k, x, at[0])
+            if wp.static(met):
+                if s.count[i] > 0:
+                    at[0] = one(c, points, s, i, hold.h, at, out.push, out.push)
+        if wp.static(met and acts.throws):
+            at = throw(out.bounces, s, out.push, own, at, d - e)
+        change = ((at[0] - at[1]) - (d - e)) / hold.h
+        own.change = change
+        if wp.dot(change, change) > real(0.0) or wp.dot(at[1] - e, at[1] - e) > real(0.0):
             moved = start + at[0]
             own.s = own.s + (at[0] - (moved - start))
             own.d = moved
-            own.v = own.v + own.change
-            own.q = own.q + own.change
+            own.v = own.v + change
+            own.q = own.q + change
 
-    return meeting
+    return acting
 
 
 @cache

@@ -7,9 +7,9 @@ import warp as wp
 
 from wsim.kernels.cloth.spring import net
 from wsim.kernels.contact.project import slots, tables
-from wsim.kernels.contact.restitution import bounces
-from wsim.kernels.fused.contact import meeting, settled, written
+from wsim.kernels.fused.contact import Acts, acting, settled, written
 from wsim.kernels.fused.domains import sheets
+from wsim.kernels.fused.hold import held
 from wsim.kernels.fused.own import ending, moving, owned
 from wsim.kernels.fused.sheet import passes
 from wsim.kernels.math.real import types
@@ -51,16 +51,16 @@ def frame(real, module, plan, damped: bool, bounded: bool = False):
 
 
 @cache
-def met(real, module, plan, damped: bool, contact: tuple):
-    """Kernel of frames with contacts, as `frame`: leapfrog that goes on from half a step before, see kernels/fused/contact.py.
-    contact: kinds of colliders, whether meshes have lists, whether some throw back."""
+def acted(real, module, plan, damped: bool, acts: Acts):
+    """Kernel of frames in which others act on points, as `frame`: leapfrog that goes on from half a step before, see
+    kernels/fused/contact.py."""
     Net, Sheets, Step = net(real), sheets(real, plan.materials), steps(real)
     Own, Written = owned(real), written(real)
-    (Rows, Points), Slots, Bounces = tables(real), slots(real), bounces(real)
+    (Rows, Points), Slots, Held = tables(real), slots(real), held(real)
     enter, forces, send, leave = passes(real, plan, damped, acts=True)
-    (_, moved), finish, meet, settle = moving(real), ending(real), meeting(contact[0], real, *contact[1:]), settled(real)
+    (_, moved), finish, act, settle = moving(real), ending(real), acting(acts, real), settled(real)
 
-    def met(c: Net, h: Sheets, step: Step, s: Written, rows: Rows, points: Points, at: Slots, b: Bounces):
+    def acted(c: Net, h: Sheets, step: Step, s: Written, rows: Rows, points: Points, at: Slots, hold: Held):
         room = wp.tile_empty(shape=wp.static(plan.words), dtype=float, storage="shared")      # `sheet_room`   # noqa: F841
         own = Own()
         enter(c, h, step, s.x, s.e, s.v, s.r, own)
@@ -76,7 +76,7 @@ def met(real, module, plan, damped: bool, contact: tuple):
                 before = own.d
                 moved(own, kick, step, sub)
                 if first:
-                    meet(rows, points, at, b, s.push, own, before, sub)
+                    act(rows, points, at, hold, s, own, before, sub)
                 send(c, h, step, own, sub)
         leave()
         if first:
@@ -86,5 +86,6 @@ def met(real, module, plan, damped: bool, contact: tuple):
                 v = settle(own, own.v + (step.close * own.a + own.r))
             finish(own, v, s.x, s.e, s.v, s.r)
 
-    return wp.kernel(met, name=f"met_sheets_{'_'.join(contact[0])}", module=module, enable_backward=False, grid_stride=False,
+    name = "_".join(("acted_sheets", *acts.kinds, *["pins"] * acts.pinned, *["tethers"] * acts.tethered))
+    return wp.kernel(acted, name=name, module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)

@@ -54,6 +54,8 @@ class Build:
         one launch: another, without contacts, costs more to compile than contacts that are far cost."""
         if not self.reasons["contact"] or self.others_within and self.model.fuser and not self.model.device.is_cuda:
             return False
+        if self.taken - {"aero", "contact"}:
+            return False
         from wsim.physics.contact.clearance import possible
         return possible(self.scene, self.model.gradients)
 
@@ -65,16 +67,18 @@ class Build:
 
     @property
     def taken(self) -> frozenset[str]:
-        """Names of the methods that act within a substep of leapfrog on a GPU, where blocks that share sheets may take all of
-        them (`wsim.physics.fused.domains`): the air, and contacts with what keeps its shape."""
-        pushes = frozenset(row.name for row in METHODS if row.pushes and self.reasons[row.name])
-        soft = any(np.isfinite(p.stiffness) for p in self.scene.pins)
-        if soft or not pushes <= {"aero", "contact"} or not self.model.device.is_cuda or len(self.choice.integrator.steps) != 2:
+        """Names of all that acts within a substep of leapfrog on a GPU, where blocks that share sheets may take it along
+        (`wsim.physics.fused.domains`): air, soft pins, tethers, contacts with what keeps its shape."""
+        acts = frozenset(row.name for row in METHODS if row.pushes and self.reasons[row.name])
+        acts |= {"soft pins"} if any(np.isfinite(p.stiffness) for p in self.scene.pins) else set()
+        leapfrog = self.choice.solver == "explicit" and len(self.choice.integrator.steps) == 2
+        tethers = {r.kind for r in self.kept(soft=False)} <= {"tether"}
+        if not (acts <= TAKEN and leapfrog and tethers and self.model.device.is_cuda):
             return frozenset()
-        if "contact" in pushes:
+        if "contact" in acts:
             from wsim.physics.contact.clearance import lasting
-            return pushes if lasting(self.scene) and not carried(self.scene) else frozenset()
-        return pushes
+            return acts if lasting(self.scene) and not carried(self.scene) else frozenset()
+        return acts
 
     def carriers(self) -> dict[str, Any]:
         """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""
@@ -84,6 +88,9 @@ class Build:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
         forces."""
         return [r for r in self.model.constraints if r.hard != soft]
+
+
+TAKEN = {"aero", "contact", "soft pins", "xpbd"}
 
 
 def _solver(name: str) -> Callable[[Build], str]:

@@ -1,4 +1,4 @@
-"""Frames of sheets that meet colliders in one launch: the motion, the reports and the next frame's form of launch by launch
+"""Frames of sheets that meet colliders, or are held by soft pins and tethers, in one launch: the motion, the reports and the next frame's form of launch by launch
 within rounding, and twice the same bits. Skipped where there is no CUDA device."""
 
 from dataclasses import replace
@@ -64,6 +64,15 @@ def faced(form, height) -> Scene:
     return scene
 
 
+def tied(ball: bool) -> Scene:
+    """A sheet on tethers to two pins, one of which moves, and a soft pin that drags a corner."""
+    scene = sheet(tethers=True)
+    scene.pin("/soft", "/cloth", [48], stiffness=50.0, damping=0.1, motion=Motion([0.0, 1.0], [np.eye(4), moved(0.3, -0.5, 0.4)]))
+    if ball:
+        scene.collider("/ball", Sphere(0.1), motion=Motion([0.0, 1.0], [moved(0.0, -0.12, 0.0), moved(0.0, 0.2, 0.0)]))
+    return scene
+
+
 def blown() -> Scene:
     scene = sheet(drag=1.0, lift=0.5)
     scene.wind = (0.0, -2.0, 1.0)
@@ -72,7 +81,7 @@ def blown() -> Scene:
 
 
 SCENES = {"rising": rising, "thrown": thrown, "within": within, "block": mesh, "blob": lambda: faced(blob, 0.05),
-          "jelly": jelly, "open": lambda: faced(open_sheet, -0.28)}
+          "jelly": jelly, "open": lambda: faced(open_sheet, -0.28), "tied": lambda: tied(True)}
 BLOCKS = {"cluster": 8, "grid": 32}
 
 
@@ -89,7 +98,8 @@ def run(scene: Scene, frames: int = 4):
 def test_one_launch_meets_colliders_as_launch_by_launch(name, blocks, monkeypatch):
     monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
     sim, x, v, impulses, mark = run(SCENES[name]())
-    assert sim.plan.method("explicit").taken == {"contact"} and sim.plan.find("gather").cluster.size == BLOCKS[blocks]
+    taken = {"contact", "soft pins", "xpbd"} if name == "tied" else {"contact"}
+    assert sim.plan.method("explicit").taken == taken and sim.plan.find("gather").cluster.size == BLOCKS[blocks]
     _, again, rate, more, _ = run(SCENES[name]())
     assert np.array_equal(x, again) and np.array_equal(v, rate)
     assert all(np.array_equal(impulses[path], more[path]) for path in impulses)
@@ -101,6 +111,18 @@ def test_one_launch_meets_colliders_as_launch_by_launch(name, blocks, monkeypatc
     assert (mark != marked).mean() < 0.02 and (name in ("thrown", "within") or (marked & 1).any())
     for path, J in given.items():
         assert np.linalg.norm(impulses[path] - J) <= 0.02 * max(np.linalg.norm(J) for J in given.values())
+
+
+def test_what_holds_in_one_launch_holds_as_launch_by_launch(monkeypatch):
+    found = []
+    for fuses in (None, None, False):
+        monkeypatch.setattr(Launches, "fuses", fuses)
+        sim = wsim.Simulation(tied(False), device="cuda:0")
+        for _ in range(4):
+            sim.step()
+        assert sim.plan.method("explicit").taken == ({"soft pins", "xpbd"} if fuses is None else set())
+        found.append(sim.state.x.numpy())
+    assert np.array_equal(*found[:2]) and np.abs(found[0] - found[2]).max() < ROUNDING
 
 
 def test_air_and_contacts_in_one_launch(monkeypatch):

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 def build(b: Build) -> Explicit:
     return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.taken or b.within,
-                    b.methods.find("hard pins"), b.free and (not b.others_within or bool(b.taken)) or b.alone)
+                    b.methods.find("hard pins"), b.free and bool(b.taken or not b.others_within) or b.alone)
 
 
 class Explicit(Method):
@@ -255,8 +255,8 @@ class Explicit(Method):
 
     def meet(self, others: Methods) -> None:
         self.muscles = others.find("muscles")
-        if "contact" in self.taken:
-            self.at_once.meet(others.find("contact"))
+        if not self.taken <= {"aero"}:
+            self.at_once.meet(others)
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
         if self.free:

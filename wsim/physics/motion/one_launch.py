@@ -58,51 +58,22 @@ class OneLaunch:
         return clock.substeps, clock.h, self.method.stride, 0 if self.method.target is None else self.method.target.ptr
 
 
-def whole_frames(method, size: int, what: str) -> tuple[OneLaunch, list[Stage]]:
+def whole_frames(method, size: int, what: str) -> tuple[Any, list[Stage]]:
     """Form of a method whose frames a launch takes, and of others' what that takes along. size: bytes of a frame."""
     pull, s = method.pull, method.state
     if pull.cluster:
         method.model.fuser = None                # of which nothing is left
-        one = MetFrames(method) if "contact" in method.taken else OneLaunch(method, pull.frames())
-        what += ", contacts" * ("contact" in method.taken)
+        one: Any = OneLaunch(method, None)
+        if method.taken <= {"aero"}:
+            one.kernel = pull.frames()
+        else:
+            from wsim.physics.fused.acted import ActedFrames
+            one, what = ActedFrames(one), f"{what}, with {', '.join(sorted(method.taken)).replace('xpbd', 'tethers')}"
         return one, [Stage(method.integrator.name, "predict", one.by_cluster, 1, size, "frame", what)]
     one = OneLaunch(method, method.march)
     method.move(s.e, s.v, s.r, None)
     what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)
     return one, [Stage(method.integrator.name, "predict", one.by_march, 1, size, "frame", what)]
-
-
-class MetFrames(OneLaunch):
-    """Frames of leapfrog with contacts, of blocks that share sheets: see kernels/fused/contact.py."""
-
-    def __init__(self, method):
-        super().__init__(method, None)
-
-    def meet(self, contact) -> None:
-        """contact: the method, whose tables are read, and whose slots are written, where they are now."""
-        from wsim.kernels.fused.march import met
-        self.contact, pull, c = contact, self.pull, contact.contacts
-        self.kernel = met(self.model.real, self.model.module_of(pull.cluster.threads), pull.cluster, pull.damped,
-                          (c.kinds, bool(c.meshes), contact.bounce is not None))
-
-    def whole(self, clock: Clock):
-        """Half a kick in the first substep where no velocity of half a step before is known."""
-        step = super().whole(clock)
-        step.kick = (0.5 if clock.halved else 1.0) * clock.h
-        return step
-
-    def by_cluster(self, clock: Clock) -> None:
-        from wsim.kernels.contact.restitution import bounces
-        from wsim.kernels.fused.contact import written
-        pull, s, c, bounce = self.pull, self.method.state, self.contact.contacts, self.contact.bounce
-        pull.domains.begin()
-        table = filled(bounces(self.model.real), h=clock.h, g=clock.g, bend=2.0,
-                       **({"restitution": bounce.restitution} if bounce else {}))
-        out = filled(written(self.model.real), x=s.x, e=s.e, v=s.v, r=s.r, half=s.b, halved=int(clock.halved), push=c.push)
-        self.model.launch_blocks(self.kernel, pull.cluster.size, pull.cluster.threads,
-                                 [pull.net, pull.shares, self.whole(clock), out, c.table, c.points, c.slots, table], [])
-        if "solid" in c.kinds:
-            self.model.zero(c.table.deep)        # what started inside is marked
 
 
 class FreeFrames:
