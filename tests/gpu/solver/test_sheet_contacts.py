@@ -1,5 +1,5 @@
-"""Frames of sheets that meet colliders, or are held by soft pins and tethers, in one launch: the motion, the reports and the next frame's form of launch by launch
-within rounding, and twice the same bits. Skipped where there is no CUDA device."""
+"""Frames of sheets that meet colliders, or are held by soft pins and tethers, in one launch: the motion, the reports and the
+next frame's form of launch by launch within rounding, and twice the same bits. Skipped where there is no CUDA device."""
 
 from dataclasses import replace
 
@@ -67,7 +67,8 @@ def faced(form, height) -> Scene:
 def tied(ball: bool) -> Scene:
     """A sheet on tethers to two pins, one of which moves, and a soft pin that drags a corner."""
     scene = sheet(tethers=True)
-    scene.pin("/soft", "/cloth", [48], stiffness=50.0, damping=0.1, motion=Motion([0.0, 1.0], [np.eye(4), moved(0.3, -0.5, 0.4)]))
+    scene.pin("/soft", "/cloth", [48], stiffness=50.0, damping=0.1,
+              motion=Motion([0.0, 1.0], [np.eye(4), moved(0.3, -0.5, 0.4)]))
     if ball:
         scene.collider("/ball", Sphere(0.1), motion=Motion([0.0, 1.0], [moved(0.0, -0.12, 0.0), moved(0.0, 0.2, 0.0)]))
     return scene
