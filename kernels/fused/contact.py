@@ -64,15 +64,15 @@ def throwing(real):
     @wp.func
     def throwing(c: Bounces, s: Slots, push: wp.array(dtype=t.vec3), own: wp.ref[Own], at: two, D: t.vec3):
         i = own.point
-        A = (c.bend / (c.h * c.h)) * (c.h * own.v - D)
-        V0 = own.v - c.h * A
+        A = (c.bend / (c.h * c.h)) * (c.h * own.q - D)
+        V0 = own.q - c.h * A
         slot = struck(c, s, push, i, V0)
         d = at[0]
         a = at[1]
         if slot >= 0:
             j = slot * s.points + i
             n = s.n[j]
-            p, q = thrown(c, s, i, j, a, V0, A, own.v + ((d - a) - D) / c.h)
+            p, q = thrown(c, s, i, j, a, V0, A, own.q + ((d - a) - D) / c.h)
             if p > real(0.0):
                 d += p * n
                 a += (p - c.h * q) * n

@@ -35,7 +35,7 @@ import numpy as np
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
 from wsim.scene import Soft, Surface
-from wsim.scene.methods import carried, touches
+from wsim.scene.methods import touches
 
 # GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
@@ -86,7 +86,8 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     if marched(model, kinds):
         from wsim.physics.fused.domains import OWN
         blocks = CLUSTER if model.points <= OWN * CLUSTER else GRID
-        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * (work + SHARED_TET * tets) / blocks}
+        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * (work + SHARED_TET * tets) / blocks,
+                **_struck(model, n)}
     if packed(model, kinds):
         scene = model.scene
         aired = n * model.points * any(c.drag or c.lift for c in scene.cloths)
@@ -103,13 +104,18 @@ def marched(model: Model, kinds: set[str]) -> bool:
     """True if blocks of a GPU share sheets and soft bodies and take whole frames: see `wsim.physics.fused.domains`."""
     if not model.device.is_cuda:
         return False
-    from wsim.physics.fused.domains import KINDS, SHARED
+    from wsim.physics.fused.domains import KINDS, SHARED, takes
     scene = model.scene
-    within = scene.colliders or scene.loads or _hard(model) or touches(scene) or carried(scene)
     apart = any(s.quadratic or s.pressure or any(m.yield_strain < inf for m in s.materials) for s in scene.softs)
-    return (model.device.arch >= 90 and bool(kinds or scene.softs) and kinds <= KINDS and not (within or apart)
-            and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1 and not model.gradients
-            and all(p.stiffness == inf for p in scene.pins))
+    return (model.device.arch >= 90 and bool(kinds or scene.softs) and kinds <= KINDS and takes(model)
+            and not (apart or touches(scene)) and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1
+            and not model.gradients)
+
+
+def _struck(model: Model, n: int) -> dict[str, float]:
+    """What colliders add to substeps of sheets that blocks share."""
+    meshes = sum(isinstance(c.shape, Surface) for c in model.scene.colliders)
+    return {"struck": n * (len(model.scene.colliders) - meshes), "faced": n * meshes}
 
 
 def packed(model: Model, kinds: set[str]) -> bool:

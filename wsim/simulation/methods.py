@@ -70,15 +70,12 @@ class Build:
         """Names of all that acts within a substep of leapfrog on a GPU, where blocks that share sheets may take it along
         (`wsim.physics.fused.domains`): air, soft pins, tethers, contacts with what keeps its shape."""
         acts = frozenset(row.name for row in METHODS if row.pushes and self.reasons[row.name])
-        acts |= {"soft pins"} if any(np.isfinite(p.stiffness) for p in self.scene.pins) else set()
         leapfrog = self.choice.solver == "explicit" and len(self.choice.integrator.steps) == 2
-        tethers = {r.kind for r in self.kept(soft=False)} <= {"tether"}
-        if not (acts <= TAKEN and leapfrog and tethers and self.model.device.is_cuda):
+        if not (acts <= {"aero", "contact", "xpbd"} and leapfrog and self.model.device.is_cuda):
             return frozenset()
-        if "contact" in acts:
-            from wsim.physics.contact.clearance import lasting
-            return acts if lasting(self.scene) and not carried(self.scene) else frozenset()
-        return acts
+        from wsim.physics.fused.domains import takes
+        soft = any(np.isfinite(p.stiffness) for p in self.scene.pins)
+        return acts | ({"soft pins"} if soft else set()) if takes(self.model) else frozenset()
 
     def carriers(self) -> dict[str, Any]:
         """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""
@@ -88,9 +85,6 @@ class Build:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the
         forces."""
         return [r for r in self.model.constraints if r.hard != soft]
-
-
-TAKEN = {"aero", "contact", "soft pins", "xpbd"}
 
 
 def _solver(name: str) -> Callable[[Build], str]:

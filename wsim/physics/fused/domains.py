@@ -27,6 +27,7 @@ from wsim.physics.cloth.elements import Elements
 from wsim.physics.motion.cluster import LARGE, MANY
 from wsim.physics.soft.fem import Tetrahedra
 from wsim.scene import Surface
+from wsim.scene.methods import carried
 
 KINDS = {"membrane", "dihedral"}
 NONE = np.zeros((0, 4), int)
@@ -218,10 +219,18 @@ def shared(pull, taken: frozenset[str]) -> Sheets | None:
     """Elements of a `wsim.physics.motion.forces.ForceGather` that nothing acts on but methods of these names; None where blocks
     cannot take them."""
     scene, air = pull.model.scene, "aero" in taken
-    if apart(pull) or taken and scene.loads or air and not fanned(pull):
+    if apart(pull) or air and not fanned(pull):
         return None
     found = Sheets(pull, air, "contact" in taken and any(isinstance(c.shape, Surface) for c in scene.colliders))
     return found if found.plan else None
+
+
+def takes(model) -> bool:
+    """True if blocks may take along what acts within substeps of a model: tethers, contacts with what keeps its shape; no
+    loads, and no strain limits, which hold points of other blocks one after another."""
+    from wsim.physics.contact.clearance import lasting
+    hard = {r.kind for r in model.constraints if r.hard}
+    return hard <= {"tether"} and lasting(model.scene) and not (carried(model.scene) or model.scene.loads)
 
 
 def apart(pull) -> bool:
