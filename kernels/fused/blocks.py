@@ -2,7 +2,8 @@
 
     a cluster  stores into another block's shared memory, which count on its barrier (st.async, mbarrier: PTX ISA 8.1): a block
                waits for its threads and its neighbours, 0.25 us instead of the 0.8 that a barrier of 16 blocks takes (H100)
-    a grid     stores into global memory, and a word a block that says how many substeps it has sent
+    a grid     stores into global memory, 16 bytes at once (b128: PTX ISA 8.3), of which the last four say the substep: whoever
+               waits for a place reads it until it is there. No fence, which would empty the cache of first level
 """
 
 MEETS = 'asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");'
@@ -46,13 +47,18 @@ BEFORE = """
         asm volatile("st.async.shared::cluster.mbarrier::complete_tx::bytes.v4.f32 [%0], {%1, %2, %3, %4}, [%5];"
                      :: "r"(to), "f"(a.x), "f"(a.y), "f"(a.z), "f"(a.w), "r"(by) : "memory");
     };
-    auto say = [](int* word, int turn) {
-        __threadfence();
-        asm volatile("st.release.gpu.global.s32 [%0], %1;" :: "l"(word), "r"(turn) : "memory");
+    auto post = [](float4* place, float4 a, int turn) {     // 16 bytes at once
+        asm volatile("{.reg .b64 a, b; .reg .b128 v; mov.b64 a, {%1, %2}; mov.b64 b, {%3, %4}; mov.b128 v, {a, b};"
+                     "st.relaxed.gpu.global.b128 [%0], v;}"
+                     :: "l"(place), "f"(a.x), "f"(a.y), "f"(a.z), "r"(turn) : "memory");
     };
-    auto hear = [](const int* word, int turn) {
-        for (int now = turn - 1; now < turn; )
-            asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(now) : "l"(word) : "memory");
+    auto fetch = [](const float4* place, int turn) {
+        float4 a;
+        for (int now = ~turn; now != turn; )
+            asm volatile("{.reg .b64 a, b; .reg .b128 v; ld.relaxed.gpu.global.b128 v, [%4]; mov.b128 {a, b}, v;"
+                         "mov.b64 {%0, %1}, a; mov.b64 {%2, %3}, b;}"
+                         : "=f"(a.x), "=f"(a.y), "=f"(a.z), "=r"(now) : "l"(place) : "memory");
+        a.w = 0.f;
+        return a;
     };
-    auto fresh = [](const float4* place) { return __ldcg(place); };
 """

@@ -280,7 +280,6 @@ class Sheets:
             self.data.own, self.data.value = bent.curvature.data.own, bent.curvature.data.value
         if self.plan.grid:
             self.data.mail = wp.zeros(4 * model.points, dtype=types(model.real).vec4, device=model.device)
-            self.data.turn = wp.zeros(self.plan.size, dtype=int, device=model.device)
 
     def meet(self, air) -> None:
         """air: struct of kernels/cloth/air.py."""
@@ -290,4 +289,4 @@ class Sheets:
     def begin(self) -> None:
         """Launches before a frame."""
         if self.plan.grid:
-            self.model.zero(self.data.turn)
+            self.model.zero(self.data.mail)
