@@ -1,7 +1,8 @@
 """Meetings of the blocks of kernels/fused/sheet.py, and places that they send each other, in CUDA (sm_90 and up).
 
     a cluster  stores into another block's shared memory, which count on its barrier (st.async, mbarrier: PTX ISA 8.1): a block
-               waits for its threads and its neighbours, 0.25 us instead of the 0.8 that a barrier of 16 blocks takes (H100)
+               waits for its threads and its neighbours, 0.25 us instead of the 0.8 that a barrier of 16 blocks takes (H100). What
+               arrives stands in its own shared memory: it acquires as a block does, which spares the cache of first level
     a grid     stores into global memory, 16 bytes at once (b128: PTX ISA 8.3), of which the last four say the substep: whoever
                waits for a place reads it until it is there. No fence, which would empty the cache of first level
 """
@@ -31,7 +32,7 @@ WORDS = {   # of CUDA. What others send counts on a barrier, as in kernels/motio
             else if (t % 32 == 0)
                 asm volatile("{.reg .b64 a; mbarrier.arrive.release.cta.shared::cta.b64 a, [%0];}" :: "r"(gate) : "memory");
             for (unsigned done = 0; !done; )
-                asm volatile("{.reg .pred p; mbarrier.try_wait.parity.acquire.cluster.shared::cta.b64 p, [%1], %2;"
+                asm volatile("{.reg .pred p; mbarrier.try_wait.parity.acquire.cta.shared::cta.b64 p, [%1], %2;"
                              "selp.u32 %0, 1, 0, p;}" : "=r"(done) : "r"(gate), "r"((sub >> 1) & 1) : "memory");""",
 }
 BEFORE = """
