@@ -187,32 +187,44 @@ def softness(real):
 
 
 @cache
+def projecting(real):
+    """Function (c, points, s, i, g, at: rows d and a, push, push_out) -> d of point i after one iteration of its contacts, in
+    order; writes pushes and the point's mark."""
+    t = types(real)
+    (Rows, Points), Slots, meet, soften = tables(real), slots(real), meeting(real), softness(real)
+
+    @wp.func
+    def projecting(c: Rows, points: Points, s: Slots, i: int, g: real, at: wp.types.matrix((2, 3), real),
+                   push: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
+        d1 = at[0]
+        a = at[1]
+        soft = soften(c, g)
+        touched = int(0)
+        for slot in range(s.count[i]):
+            j = slot * s.points + i
+            n = s.n[j]
+            mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+            d1, P, pressed = meet(n, s.b[j], a, g * s.u[j], push[j], d1, mu, soft)
+            if pressed > real(0.0):
+                touched = TOUCHED
+            push_out[j] = P
+        s.mark[i] = (s.mark[i] & SUNK) | touched
+        return d1
+
+    return projecting
+
+
+@cache
 def project(real, module):
     """Kernel over points: one iteration of all contacts of a point, in order. Reads d, a, push."""
     t = types(real)
-    Rows, Points = tables(real)
-    Slots, Read, meet, soften = slots(real), read(real), meeting(real), softness(real)
+    (Rows, Points), Slots, Read, one = tables(real), slots(real), read(real), projecting(real)
 
     def project(c: Rows, points: Points, s: Slots, at: Read, g: real,
                 d_out: wp.array(dtype=t.vec3), push_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
-        count = s.count[i]
-        if count == 0:
-            return
-        d1 = at.d[i]
-        anchor = at.a[i]
-        soft = soften(c, g)
-        touched = int(0)
-        for slot in range(count):
-            j = slot * s.points + i
-            n = s.n[j]
-            mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
-            d1, P, pressed = meet(n, s.b[j], anchor, g * s.u[j], at.push[j], d1, mu, soft)
-            if pressed > real(0.0):
-                touched = TOUCHED
-            push_out[j] = P
-        d_out[i] = d1
-        s.mark[i] = (s.mark[i] & SUNK) | touched
+        if s.count[i] > 0:
+            d_out[i] = one(c, points, s, i, g, wp.matrix_from_rows(at.d[i], at.a[i]), at.push, push_out)
 
     return wp.kernel(project, name=f"contact_{types(real).name}", module=module, enable_backward=False)
 

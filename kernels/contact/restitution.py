@@ -72,7 +72,7 @@ def impact(gap: Any, w: Any, B: Any):
 
 
 @cache
-def _formula(real):
+def formula(real):
     """(struck, thrown): which contact of a point throws it back, and how."""
     t = types(real)
     Bounces, Slots, vec3 = bounces(real), slots(real), t.vec3
@@ -123,7 +123,7 @@ def bounce_free(real, module):
     """Kernel over points, for explicit integrators: pair holds what they have predicted, displacements (copy `source`) and
     velocities (2 + source); e is what both started from. Reads e, d, a, push. normal_out: n of the impact, or 0."""
     t, Read = types(real), read(real)
-    Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), _formula(real), wp.array(dtype=t.vec3)
+    Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), formula(real), wp.array(dtype=t.vec3)
 
     def bounce_free(c: Bounces, s: Slots, at: Read, pair: vectors,
                     d_out: vectors, a_out: vectors, push_out: vectors, normal_out: vectors):
@@ -157,7 +157,7 @@ def bounce_held(real, module):
     """Kernel over points, for implicit integrators: v is the velocity before, e the displacement that the substep started from.
     Reads v, e, d, a, push. thrown_out (may be None): whether it was."""
     t, Read = types(real), read(real)
-    Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), _formula(real), wp.array(dtype=t.vec3)
+    Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), formula(real), wp.array(dtype=t.vec3)
     Constants = constants(real)
 
     def bounce_held(c: Bounces, constants: Constants, s: Slots, at: Read,

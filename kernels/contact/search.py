@@ -184,37 +184,31 @@ def against(kinds: tuple[str, ...], real, listed: bool = False):
 
 
 @cache
-def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bool = False):
-    """Kernel over points: contacts of substep k. Reads x, d, a. broad: colliders are found by the tree of the table. listed:
-    faces of meshes by lists, see kernels/contact/candidates.py.
-
-    d_out, a_out   written where a point is carried out of an overlap       push_out   of its contacts: zeroed
-    struck_out     (may be None) not 0 where a point is in an overlap"""
-    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}{'_listed' * listed}"
-    Rows, Points = tables(real)
-    Slots, Read, meet, near = slots(real), read(real), against(kinds, real, listed), ahead(real) if broad else None
+def finding(kinds: tuple[str, ...], real, broad: bool = False, listed: bool = False):
+    """Function (c, points, s, at: i, k and deep, x0, d0, push) -> carried: contacts of point i in substep k, and how far it is
+    carried out of overlaps [m]; writes the slots and the mark of the point, and zeros its pushes. Other arguments: `search`."""
+    t, (Rows, Points) = types(real), tables(real)
+    Slots, meet, near = slots(real), against(kinds, real, listed), ahead(real) if broad else None
     vectors = wp.array(dtype=t.vec3)
     if listed:
         from wsim.kernels.contact.candidates import ends
 
     @wp.func
-    def keep(s: Slots, j: int, row: int, n: t.vec3, b: real, u: t.vec3, push_out: vectors):
+    def keep(s: Slots, j: int, row: int, n: t.vec3, b: real, u: t.vec3, push: vectors):
         s.row[j] = row
         s.n[j] = n
         s.b[j] = b
         s.u[j] = u
-        push_out[j] = t.vec3()
+        push[j] = t.vec3()
 
-    def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
-               struck_out: wp.array(dtype=real)):
-        i = wp.tid()
-        k = at.k
+    @wp.func
+    def finding(c: Rows, points: Points, s: Slots, at: wp.vec3i, x0: t.vec3, d0: t.vec3, push: vectors):
+        i, k = at[0], at[1]
         count, mark, carried = int(0), int(0), t.vec3()
-        deep = c.deep[0] | (s.mark[i] & SUNK)
+        o = points.object[i]
         if listed:
             ends(points, i, k)
         if points.w[i] > real(0.0):
-            o, x0, d0 = points.object[i], at.x[i], at.d[i]
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
             first = int(c.first[o])
             end = c.first[o + 1]
@@ -229,7 +223,7 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
                         row = wp.where(rows[0] < NONE, rows[wp.min(j, ROOM - 1)], row)
                     if not reachable(c.ball[k, row], x0, bound):
                         continue
-                    C, margin, s0, n, way = meet(c, points, wp.vec3i(row, i, k), deep, x0 + carried, d0)
+                    C, margin, s0, n, way = meet(c, points, wp.vec3i(row, i, k), at[2], x0 + carried, d0)
                     if C < margin:
                         over = wp.max(-s0, real(0.0))
                         out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now
@@ -237,7 +231,7 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
                             mark = mark | SUNK
                         if count < s.capacity:
                             b = C + over - out - wp.dot(n, d0 + carried)
-                            keep(s, count * s.points + i, row, n, b, way / c.h, push_out)
+                            keep(s, count * s.points + i, row, n, b, way / c.h, push)
                         carried += out * n
                         count += 1
                 first = behind
@@ -245,11 +239,32 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
             wp.atomic_max(s.wanted, 0, count)
         s.count[i] = wp.min(count, s.capacity)
         s.mark[i] = mark
+        return carried
+
+    return finding
+
+
+@cache
+def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bool = False):
+    """Kernel over points: contacts of substep k. Reads x, d, a. broad: colliders are found by the tree of the table. listed:
+    faces of meshes by lists, see kernels/contact/candidates.py.
+
+    d_out, a_out   written where a point is carried out of an overlap       push_out   of its contacts: zeroed
+    struck_out     (may be None) not 0 where a point is in an overlap"""
+    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}{'_listed' * listed}"
+    (Rows, Points), Slots, Read, find = tables(real), slots(real), read(real), finding(kinds, real, broad, listed)
+    vectors = wp.array(dtype=t.vec3)
+
+    def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
+               struck_out: wp.array(dtype=real)):
+        i = wp.tid()
+        deep = c.deep[0] | (s.mark[i] & SUNK)
+        carried = find(c, points, s, wp.vec3i(i, at.k, deep), at.x[i], at.d[i], push_out)
         if wp.dot(carried, carried) > real(0.0):
             d_out[i] = at.d[i] + carried
             a_out[i] = at.a[i] + carried
         if struck_out:
-            struck_out[i] = real(mark & SUNK)
+            struck_out[i] = real(s.mark[i] & SUNK)
 
     return wp.kernel(search, name=name, module=module, enable_backward=False)
 

@@ -1,8 +1,10 @@
 """Meetings of the blocks of kernels/fused/sheet.py, and places that they send each other, in CUDA (sm_90 and up).
 
     a cluster  stores into another block's shared memory, which count on its barrier (st.async, mbarrier: PTX ISA 8.1): a block
-               waits for its threads and its neighbours, 0.25 us instead of the 0.8 that a barrier of 16 blocks takes (H100)
-    a grid     stores into global memory, and a word a block that says how many substeps it has sent
+               waits for its threads and its neighbours, 0.25 us instead of the 0.8 that a barrier of 16 blocks takes (H100). What
+               arrives stands in its own shared memory: it acquires as a block does, which spares the cache of first level
+    a grid     stores into global memory, 16 bytes at once (b128: PTX ISA 8.3), of which the last four say the substep: whoever
+               waits for a place reads it until it is there. No fence, which would empty the cache of first level
 """
 
 MEETS = 'asm volatile("barrier.cluster.arrive.release.aligned;\\nbarrier.cluster.wait.acquire.aligned;" ::: "memory");'
@@ -30,7 +32,7 @@ WORDS = {   # of CUDA. What others send counts on a barrier, as in kernels/motio
             else if (t % 32 == 0)
                 asm volatile("{.reg .b64 a; mbarrier.arrive.release.cta.shared::cta.b64 a, [%0];}" :: "r"(gate) : "memory");
             for (unsigned done = 0; !done; )
-                asm volatile("{.reg .pred p; mbarrier.try_wait.parity.acquire.cluster.shared::cta.b64 p, [%1], %2;"
+                asm volatile("{.reg .pred p; mbarrier.try_wait.parity.acquire.cta.shared::cta.b64 p, [%1], %2;"
                              "selp.u32 %0, 1, 0, p;}" : "=r"(done) : "r"(gate), "r"((sub >> 1) & 1) : "memory");""",
 }
 BEFORE = """
@@ -46,13 +48,18 @@ BEFORE = """
         asm volatile("st.async.shared::cluster.mbarrier::complete_tx::bytes.v4.f32 [%0], {%1, %2, %3, %4}, [%5];"
                      :: "r"(to), "f"(a.x), "f"(a.y), "f"(a.z), "f"(a.w), "r"(by) : "memory");
     };
-    auto say = [](int* word, int turn) {
-        __threadfence();
-        asm volatile("st.release.gpu.global.s32 [%0], %1;" :: "l"(word), "r"(turn) : "memory");
+    auto post = [](float4* place, float4 a, int turn) {     // 16 bytes at once
+        asm volatile("{.reg .b64 a, b; .reg .b128 v; mov.b64 a, {%1, %2}; mov.b64 b, {%3, %4}; mov.b128 v, {a, b};"
+                     "st.relaxed.gpu.global.b128 [%0], v;}"
+                     :: "l"(place), "f"(a.x), "f"(a.y), "f"(a.z), "r"(turn) : "memory");
     };
-    auto hear = [](const int* word, int turn) {
-        for (int now = turn - 1; now < turn; )
-            asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(now) : "l"(word) : "memory");
+    auto fetch = [](const float4* place, int turn) {
+        float4 a;
+        for (int now = ~turn; now != turn; )
+            asm volatile("{.reg .b64 a, b; .reg .b128 v; ld.relaxed.gpu.global.b128 v, [%4]; mov.b128 {a, b}, v;"
+                         "mov.b64 {%0, %1}, a; mov.b64 {%2, %3}, b;}"
+                         : "=f"(a.x), "=f"(a.y), "=f"(a.z), "=r"(now) : "l"(place) : "memory");
+        a.w = 0.f;
+        return a;
     };
-    auto fresh = [](const float4* place) { return __ldcg(place); };
 """

@@ -33,8 +33,7 @@ def sheets(real, materials: tuple[str, ...] = ()):
         lift: wp.array(dtype=t.scalar)
         room: wp.array(dtype=t.scalar)       # clearance [m], (points,); of frames that are watched
         met: wp.array(dtype=int)             # becomes 1 where a point goes further
-        mail: wp.array(dtype=t.vec4)         # what blocks of a grid send, (4 points,)
-        turn: wp.array(dtype=int)            # substeps that each has sent; 0 where a frame begins
+        mail: wp.array(dtype=t.vec4)         # what blocks of a grid send, with its substep; 0 at first, (4 points,)
 
     Sheets.__annotations__.update({name: tets(real) for name in materials})
     return wp.struct(Sheets)

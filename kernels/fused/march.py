@@ -6,7 +6,10 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.cloth.spring import net
+from wsim.kernels.contact.project import slots, tables
+from wsim.kernels.fused.contact import Acts, acting, settled, written
 from wsim.kernels.fused.domains import sheets
+from wsim.kernels.fused.hold import held
 from wsim.kernels.fused.own import ending, moving, owned
 from wsim.kernels.fused.sheet import passes
 from wsim.kernels.math.real import types
@@ -45,3 +48,44 @@ def frame(real, module, plan, damped: bool, bounded: bool = False):
 
     return wp.kernel(frame, name="frame_sheets" + "_bounded" * bounded, module=module, enable_backward=False,
                      grid_stride=False, launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)
+
+
+@cache
+def acted(real, module, plan, damped: bool, acts: Acts):
+    """Kernel of frames in which others act on points, as `frame`: leapfrog that goes on from half a step before, see
+    kernels/fused/contact.py."""
+    Net, Sheets, Step = net(real), sheets(real, plan.materials), steps(real)
+    Own, Written = owned(real), written(real)
+    (Rows, Points), Slots, Held = tables(real), slots(real), held(real)
+    enter, forces, send, leave = passes(real, plan, damped, acts=True)
+    (_, moved), finish, act, settle = moving(real), ending(real), acting(acts, real), settled(real)
+
+    def acted(c: Net, h: Sheets, step: Step, s: Written, rows: Rows, points: Points, at: Slots, hold: Held):
+        room = wp.tile_empty(shape=wp.static(plan.words), dtype=float, storage="shared")      # `sheet_room`   # noqa: F841
+        own = Own()
+        enter(c, h, step, s.x, s.e, s.v, s.r, own)
+        if own.point >= 0 and own.w > real(0.0) and s.halved == 0:
+            own.v = s.half[own.point]
+        first = own.point >= 0 and own.lane == 0
+        for sub in range(step.count + 1):
+            kick = wp.where(sub == 0, step.kick, step.later)
+            if sub == step.count:
+                kick = step.close
+            forces(own, kick, sub)
+            if sub < step.count:
+                before = own.d
+                moved(own, kick, step, sub)
+                if first:
+                    act(rows, points, at, hold, s, own, before, sub)
+                send(c, h, step, own, sub)
+        leave()
+        if first:
+            s.half[own.point] = own.v
+            v = own.v
+            if own.w > real(0.0):
+                v = settle(own, own.v + (step.close * own.a + own.r))
+            finish(own, v, s.x, s.e, s.v, s.r)
+
+    name = "_".join(("acted_sheets", *acts.kinds, *["pins"] * acts.pinned, *["tethers"] * acts.tethered))
+    return wp.kernel(acted, name=name, module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)

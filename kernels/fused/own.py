@@ -51,8 +51,7 @@ def owned(real):
         forces_end: int
         push: int
         pushes_end: int
-        guest: int               # of a grid: a point that it fetches, and a block that it waits for, or -1
-        near: int
+        guest: int               # of a grid: a point that it fetches, or -1
 
     return Own
 

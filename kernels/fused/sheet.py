@@ -124,7 +124,6 @@ OWN = """
     own.there = there;  own.angles = angles;  own.flat = flat;  own.curved = curved;  own.bent = bent;  own.owned = owned;
     own.tets = tets;
     own.guest = GRID && owned + t < there ? at(0, owned + t) : -1;
-    own.near = GRID && t < head[2 * 13 + 1] ? at(13, t) : -1;
     if (!GRID) { CLUSTER_BEGINS } else { BLOCK_MEETS }
     own.force = mine ? force_begin[p] + lane : 0;
     own.forces_end = mine ? force_begin[p + 1] : 0;
@@ -183,7 +182,7 @@ FORCES = """
     for (int k = 0; k < 3; ++k) own.a[k] = own.w * f[k] + own.gravity[k] - own.decay * own.q[k];
 """
 SEND = """
-    const int t = THREAD, rank = RANK, from = 1 - (sub & 1), points = c.object.shape[0];
+    const int t = THREAD, from = 1 - (sub & 1), points = c.object.shape[0];
     const int there = own.there, owned = own.owned;
     float4* const mail = (float4*)h.mail.data;                      // displacements of all points, twice; velocities
     if (ACTS && LANES > 1)                                         // the first lane of a point knows what it met
@@ -194,8 +193,10 @@ SEND = """
     const float4 d1 = make_float4(own.d[0], own.d[1], own.d[2], 0.f), q1 = make_float4(own.q[0], own.q[1], own.q[2], 0.f);
     if (own.point >= 0 && own.lane == 0) {
         const int p = t / LANES;
-        (GRID ? mail[points * from + own.point] : D[S * from + p]) = D[S * from + p] = d1;
-        if (RATES) (GRID ? mail[points * (2 + from) + own.point] : Q[S * from + p]) = Q[S * from + p] = q1;
+        D[S * from + p] = d1;
+        if (RATES) Q[S * from + p] = q1;
+        if (GRID) post(mail + points * from + own.point, d1, sub + 1);
+        if (GRID && RATES) post(mail + points * (2 + from) + own.point, q1, sub + 1);
     }
     for (int k = own.push; k < own.pushes_end; k += LANES) {
         const int block = push[k] >> 16, slot = push[k] & 0xffff;
@@ -209,13 +210,9 @@ SEND = """
     if (!GRID) {
         CLUSTER_WAITS
     } else {                                                        // blocks wait for those that they share points with
-        BLOCK_MEETS
-        if (t == 0) say(h.turn.data + rank, sub + 1);
-        if (own.near >= 0) hear(h.turn.data + own.near, sub + 1);
-        BLOCK_MEETS
         if (own.guest >= 0) {
-            D[S * from + owned + t] = fresh(mail + points * from + own.guest);
-            if (RATES) Q[S * from + owned + t] = fresh(mail + points * (2 + from) + own.guest);
+            D[S * from + owned + t] = fetch(mail + points * from + own.guest, sub + 1);
+            if (RATES) Q[S * from + owned + t] = fetch(mail + points * (2 + from) + own.guest, sub + 1);
         }
         BLOCK_MEETS
     }

@@ -25,6 +25,7 @@
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
     sheet, shared, sent         a substep of sheets and tets that blocks share, the work of a block, what a grid of them takes
                                 to send
+    struck, faced               what a convex collider and a mesh add to it (H200: a cape on a ball, a shirt on its dummy)
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
 
@@ -35,7 +36,7 @@ import numpy as np
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
 from wsim.scene import Soft, Surface
-from wsim.scene.methods import carried, touches
+from wsim.scene.methods import touches
 
 # GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
@@ -53,7 +54,7 @@ COSTS = {
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
              "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
              "touch": 5.1e-6, "near": 3e-11, "mesh": 5.8e-5,
-             "sheet": 2.5e-6, "shared": 4.7e-10, "sent": 1.5e-6,
+             "sheet": 2.5e-6, "shared": 4.7e-10, "sent": 1.5e-6, "struck": 1.2e-5, "faced": 2.4e-5,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
             "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
@@ -86,7 +87,8 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     if marched(model, kinds):
         from wsim.physics.fused.domains import OWN
         blocks = CLUSTER if model.points <= OWN * CLUSTER else GRID
-        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * (work + SHARED_TET * tets) / blocks}
+        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * (work + SHARED_TET * tets) / blocks,
+                **_struck(model, n)}
     if packed(model, kinds):
         scene = model.scene
         aired = n * model.points * any(c.drag or c.lift for c in scene.cloths)
@@ -103,13 +105,18 @@ def marched(model: Model, kinds: set[str]) -> bool:
     """True if blocks of a GPU share sheets and soft bodies and take whole frames: see `wsim.physics.fused.domains`."""
     if not model.device.is_cuda:
         return False
-    from wsim.physics.fused.domains import KINDS, SHARED
+    from wsim.physics.fused.domains import KINDS, SHARED, takes
     scene = model.scene
-    within = scene.colliders or scene.loads or _hard(model) or touches(scene) or carried(scene)
     apart = any(s.quadratic or s.pressure or any(m.yield_strain < inf for m in s.materials) for s in scene.softs)
-    return (model.device.arch >= 90 and bool(kinds or scene.softs) and kinds <= KINDS and not (within or apart)
-            and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1 and not model.gradients
-            and all(p.stiffness == inf for p in scene.pins))
+    return (model.device.arch >= 90 and bool(kinds or scene.softs) and kinds <= KINDS and takes(model)
+            and not (apart or touches(scene)) and model.points <= SHARED and model.dtype is np.float32 and model.worlds == 1
+            and not model.gradients)
+
+
+def _struck(model: Model, n: int) -> dict[str, float]:
+    """What colliders add to substeps of sheets that blocks share."""
+    meshes = sum(isinstance(c.shape, Surface) for c in model.scene.colliders)
+    return {"struck": n * (len(model.scene.colliders) - meshes), "faced": n * meshes}
 
 
 def packed(model: Model, kinds: set[str]) -> bool:

@@ -54,6 +54,8 @@ class Build:
         one launch: another, without contacts, costs more to compile than contacts that are far cost."""
         if not self.reasons["contact"] or self.others_within and self.model.fuser and not self.model.device.is_cuda:
             return False
+        if self.taken - {"aero", "contact"}:
+            return False
         from wsim.physics.contact.clearance import possible
         return possible(self.scene, self.model.gradients)
 
@@ -64,11 +66,16 @@ class Build:
         return pushes == ["selfcontact"] and not any(np.isfinite(p.stiffness) for p in self.scene.pins)
 
     @property
-    def aired(self) -> bool:
-        """True if nothing but the air acts within a substep of leapfrog on a GPU."""
-        pushes = [row.name for row in METHODS if row.pushes and self.reasons[row.name]]
-        return (pushes == ["aero"] and not any(np.isfinite(p.stiffness) for p in self.scene.pins)
-                and self.model.device.is_cuda and len(self.choice.integrator.steps) == 2)
+    def taken(self) -> frozenset[str]:
+        """Names of all that acts within a substep of leapfrog on a GPU, where blocks that share sheets may take it along
+        (`wsim.physics.fused.domains`): air, soft pins, tethers, contacts with what keeps its shape."""
+        acts = frozenset(row.name for row in METHODS if row.pushes and self.reasons[row.name])
+        leapfrog = self.choice.solver == "explicit" and len(self.choice.integrator.steps) == 2
+        if not (acts <= {"aero", "contact", "xpbd"} and leapfrog and self.model.device.is_cuda):
+            return frozenset()
+        from wsim.physics.fused.domains import takes
+        soft = any(np.isfinite(p.stiffness) for p in self.scene.pins)
+        return acts | ({"soft pins"} if soft else set()) if takes(self.model) else frozenset()
 
     def carriers(self) -> dict[str, Any]:
         """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""

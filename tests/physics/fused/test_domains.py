@@ -71,7 +71,7 @@ def test_blocks_gather_the_forces_of_tets_beside_sheets(parts, size):
     whole = np.zeros_like(x)
     np.add.at(whole, triangles, at[0][:, :3])
     np.add.at(whole, tets, at[1])
-    found, mine = np.full_like(x, np.nan), Domains(x, triangles, NONE, {}, size, True, False, tets)
+    found, mine = np.full_like(x, np.nan), Domains(x, triangles, NONE, {}, size, True, tets)
     for d, own in zip(mine.blocks, mine.own, strict=True):
         words = d["tet_corner"].reshape(-1, 2)
         corners = np.stack([words & 0xffff, words >> 16], axis=2).reshape(-1, 4)

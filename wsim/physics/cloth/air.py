@@ -26,7 +26,7 @@ def wants(scene: Scene) -> str:
 
 
 def build(b: Build) -> Aero:
-    return Aero(b.model, b.state, b.methods.find("points"), bool(b.methods.find("takes air")))
+    return Aero(b.model, b.state, b.methods.find("points"), "aero" in (b.methods.find("taken") or ()))
 
 
 class Aero(Method):

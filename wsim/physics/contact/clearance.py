@@ -33,10 +33,15 @@ AHEAD = 2.0            # frames at the speed of a point that it must be away fro
 
 def possible(scene: Scene, gradients: bool) -> bool:
     """True if frames without contacts are tried in a scene that has colliders."""
+    return not (gradients or carried(scene) or not lasting(scene) or any(c.restitution > 0.0 for c in scene.colliders))
+
+
+def lasting(scene: Scene) -> bool:
+    """True if what finds contacts is the same all through a frame: no mesh deforms, no tree finds colliders."""
     from wsim.physics.contact.contacts import MANY
     balls = sum(not isinstance(c.shape, Plane) for c in scene.colliders)
     forming = any(isinstance(c.shape, Surface) and c.shape.poses is not None and c.shape.poses.moves for c in scene.colliders)
-    return not (gradients or carried(scene) or forming or balls >= MANY or any(c.restitution > 0.0 for c in scene.colliders))
+    return not forming and balls < MANY
 
 
 class Clearance:

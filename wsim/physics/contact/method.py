@@ -36,6 +36,8 @@ def build(b: Build) -> Contact:
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
     contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, movers)
+    if "contact" in (b.methods.find("taken") or ()):
+        contact.stages.clear()                           # explicit steps know contacts themselves, see kernels/fused/contact.py
     if b.free:
         from wsim.physics.contact.clearance import Clearance
         contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))

@@ -26,11 +26,15 @@ from wsim.model.structs import filled
 from wsim.physics.cloth.elements import Elements
 from wsim.physics.motion.cluster import LARGE, MANY
 from wsim.physics.soft.fem import Tetrahedra
+from wsim.scene import Surface
+from wsim.scene.methods import carried
 
 KINDS = {"membrane", "dihedral"}
 NONE = np.zeros((0, 4), int)
 MOST = 1024            # threads of a block
 ROOM = 227 * 1024 - 4 * MOST - 1024        # bytes of shared memory of a block, less what Warp keeps there
+SEARCHED = 128         # bytes of it in which a thread searches a mesh (Warp's stack, BVH_QUERY_STACK_SIZE of bvh.h)
+SEARCHING = 352        # threads whose stacks fit in what a kernel may have without asking, 48 KB
 OWN, SHARED = 140, 12_000        # points for which a block of a cluster has memory, and all of a grid
 FOUR, LARGEST = 4, 16  # blocks of a cluster at most
 
@@ -50,9 +54,10 @@ class Plan:
     forces: int
     pushes: int
     damped: bool
-    air: bool
+    air: bool = False
     tets: int = FOUR
     materials: tuple[str, ...] = ()      # of tets: those of kernels/fused/tet_elements.py
+    meshes: bool = False                 # colliders are met
 
     @property
     def grid(self) -> bool:
@@ -66,8 +71,13 @@ class Plan:
 
     @property
     def threads(self) -> int:
-        """Threads of a block: an element each, as far as there are registers."""
-        return int(np.clip(-(-(self.hinges + self.triangles + self.tets) // 32) * 32, 256, 640))
+        """Threads of a block: an element each, as far as there are registers, and room for how they search meshes."""
+        return int(np.clip(-(-(self.hinges + self.triangles + self.tets) // 32) * 32, 256, SEARCHING if self.meshes else 640))
+
+    @property
+    def room(self) -> int:
+        """Shared memory that there is [bytes]."""
+        return ROOM - SEARCHED * self.threads * self.meshes
 
     @property
     def words(self) -> int:
@@ -94,9 +104,9 @@ class Domains:
     """Lists of every block. `plan`: None where a block's memory does not suffice."""
 
     def __init__(self, x: np.ndarray, triangles: np.ndarray, hinges: np.ndarray, curvature: dict[str, np.ndarray], size: int,
-                 damped: bool, air: bool = False, tets: np.ndarray = NONE):
+                 damped: bool, tets: np.ndarray = NONE, **more: Any):
         """x (n, 3) at rest [m]; triangles (t, 3), hinges (h, 4) and tets (m, 4): points; curvature: `Curvature.tables`, or
-        nothing."""
+        nothing; more: what else the plan says."""
         n = len(x)
         self.ids = [triangles, hinges, tets]
         self.own = halves(x, np.arange(n), size)
@@ -118,8 +128,8 @@ class Domains:
             "own": max(map(len, self.own)), "points": most["point"], "triangles": most["triangle"], "tets": most["tet"],
             "bent": most["moment_begin"] - 1, "hinges": most["hinge"], "curved": most["slot"] // SLOTS,
             "moments": most["moment"], "forces": most["force"], "pushes": most["push"]}
-        plan = Plan(size, damped=damped, air=air, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
-        fits = 4 * plan.words <= ROOM and plan.own <= plan.threads
+        plan = Plan(size, damped=damped, **more, **{k: max(FOUR, -(-v // FOUR) * FOUR) for k, v in found.items()})
+        fits = 4 * plan.words <= plan.room and plan.own <= plan.threads
         if plan.grid:
             guests = (len(d["point"]) - len(own) for d, own in zip(self.blocks, self.own, strict=True))
             fits = fits and max(most["near"], *guests) <= plan.threads
@@ -205,13 +215,22 @@ def blocks_of(device, points: int) -> list[int]:
     return [cluster] * (points <= OWN * cluster) + [1 << device.sm_count.bit_length() - 1]
 
 
-def shared(pull, air: bool) -> Sheets | None:
-    """Elements of a `wsim.physics.motion.forces.ForceGather` that nothing acts on but, maybe, the air; None where blocks cannot
-    take them."""
-    if apart(pull) or air and (pull.model.scene.loads or not fanned(pull)):
+def shared(pull, taken: frozenset[str]) -> Sheets | None:
+    """Elements of a `wsim.physics.motion.forces.ForceGather` that nothing acts on but methods of these names; None where blocks
+    cannot take them."""
+    scene, air = pull.model.scene, "aero" in taken
+    if apart(pull) or air and not fanned(pull):
         return None
-    found = Sheets(pull, air)
+    found = Sheets(pull, air, "contact" in taken and any(isinstance(c.shape, Surface) for c in scene.colliders))
     return found if found.plan else None
+
+
+def takes(model) -> bool:
+    """True if blocks may take along what acts within substeps of a model: tethers, contacts with what keeps its shape; no
+    loads, and no strain limits, which hold points of other blocks one after another."""
+    from wsim.physics.contact.clearance import lasting
+    hard = {r.kind for r in model.constraints if r.hard}
+    return hard <= {"tether"} and lasting(model.scene) and not (carried(model.scene) or model.scene.loads)
 
 
 def apart(pull) -> bool:
@@ -234,15 +253,15 @@ def fanned(pull) -> bool:
 class Sheets:
     """Membranes, hinges and tets of a model that a cluster takes. `plan` is None where it cannot."""
 
-    def __init__(self, pull, air: bool):
-        """air: it acts, and on nothing but triangles."""
+    def __init__(self, pull, air: bool, meshes: bool):
+        """air: it acts, and on nothing but triangles; meshes: points meet some."""
         self.model = model = pull.model
         of = {e.kind: e for e in pull.elements if isinstance(e, Elements)}
         flat, bent, solid = of.get("membrane"), of.get("dihedral"), pull.tables
         for size in blocks_of(model.device, model.points):
             found = Domains(model.stack("rest"), flat.ids if flat else NONE[:, :3], bent.ids if bent else NONE,
-                            bent.curvature.tables() if bent else {}, size, pull.damped, air,
-                            np.concatenate([NONE, *(table.ids for table in solid)]))
+                            bent.curvature.tables() if bent else {}, size, pull.damped,
+                            np.concatenate([NONE, *(table.ids for table in solid)]), air=air, meshes=meshes)
             if found.plan:
                 break
         if found.plan is None:
@@ -261,7 +280,6 @@ class Sheets:
             self.data.own, self.data.value = bent.curvature.data.own, bent.curvature.data.value
         if self.plan.grid:
             self.data.mail = wp.zeros(4 * model.points, dtype=types(model.real).vec4, device=model.device)
-            self.data.turn = wp.zeros(self.plan.size, dtype=int, device=model.device)
 
     def meet(self, air) -> None:
         """air: struct of kernels/cloth/air.py."""
@@ -271,4 +289,4 @@ class Sheets:
     def begin(self) -> None:
         """Launches before a frame."""
         if self.plan.grid:
-            self.model.zero(self.data.turn)
+            self.model.zero(self.data.mail)

@@ -3,7 +3,7 @@
 Where nothing but springs, elements and hard pins acts, the positions at the start of a frame stay and displacements grow
 through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks, and on a CPU nets or sheets in
 one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act on every substep: positions are committed at
-its end, and what they changed becomes a velocity. Many substeps at once: `fused.fuser`; without contacts: `one_launch`.
+its end, and what they changed is a velocity. In one launch: `fused.fuser`; wind and contacts of sheets on a GPU: `one_launch`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from wsim.model.structs import filled
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints, changed
 from wsim.physics.motion import frequency
-from wsim.physics.motion.forces import AIR, ForceGather
+from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.overstretch import Watch
 from wsim.scene.integrator import Integrator
 
@@ -36,21 +36,21 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Explicit:
-    return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, AIR if b.aired else b.within,
-                    b.methods.find("hard pins"), b.free and not b.others_within or b.alone)
+    return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.taken or b.within,
+                    b.methods.find("hard pins"), b.free and bool(b.taken or not b.others_within) or b.alone)
 
 
 class Explicit(Method):
     """Stages of an explicit integrator. `steps`: whether others act within a substep."""
 
     def __init__(self, model: Model, state: State, points, rows: list[Constraints], clock: Clock,
-                 steps: bool | str, pins=None, free: bool = False):
-        """rows: soft constraints of all bodies; steps: whether others act within a substep, AIR: nothing but that; pins: the
-        method that knows the hard pins, or None; free: only contacts act within a substep, and some frames have none."""
+                 steps: bool | frozenset[str], pins=None, free: bool = False):
+        """rows: soft constraints of all bodies; steps: whether others act within a substep, or the names of all that do, which
+        blocks may take; pins: the method of the hard pins, or None; free: frames may have no contacts, and nothing acts."""
         super().__init__("explicit", by_world=not model.scene.softs)
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
-        self.rows, self.pins, self.apart = rows, pins, free
+        self.rows, self.pins = rows, pins
         self.target = self.field = None       # of pins, as the net has it; (position, velocity) -> acceleration, of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
         self.impacts = Port()         # called with `change` before leapfrog's last half kick: restitution takes impacts out
@@ -60,19 +60,21 @@ class Explicit(Method):
         self.columns = None if pins is None else pins.columns()
         self.acts = int(any(r.body and getattr(r.body.source, "actuation", None) for r in self.rows)) + bool(model.scene.loads)
         whole = not (self.integrator.stages or steps and (not free or model.device.is_cuda))
+        names = steps if isinstance(steps, frozenset) else frozenset[str]()
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
-                                alone=AIR if steps == AIR else whole, packed=not (self.integrator.stages or self.acts))
-        self.steps = bool(steps) and not (steps == AIR and self.pull.cluster)
+                                alone=names or whole, packed=not (self.integrator.stages or self.acts))
+        self.taken, self.apart = (names, free) if self.pull.cluster else (frozenset(), free and names <= {"contact"})
+        self.steps, free = bool(steps) and not self.taken, self.apart
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
         self.make(clock.substeps)
         looks = self.marches and not (self.steps or self.pull.sheets)           # at its edges, by itself
         self.watch = None if looks else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
-        self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.spring_tables,
+        self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.pull.spring_tables,
                        "forces": self.forces, "impacts": self.impacts, "earlier": lambda: self.earlier,
                        "copies": lambda: (self.at, self.pair), "least": self.least, "send": self.send,
-                       "stride": lambda: self.stride, "whole frames": self.apart, "takes air": steps == AIR and not self.steps,
+                       "stride": lambda: self.stride, "whole frames": self.apart, "taken": self.taken,
                        **(self.watch.offers if self.watch else {})}
         if free:
             from wsim.physics.motion.one_launch import FreeFrames
@@ -86,8 +88,7 @@ class Explicit(Method):
         self.marches = self.march is not None
         if not self.steps and (self.marches or pull.cluster and not self.field):
             from wsim.physics.motion.one_launch import whole_frames
-            self.at_once, stage = whole_frames(self, size * count, what)
-            self.stages = [stage]
+            self.at_once, self.stages = whole_frames(self, size * count, what)
             return
         self.room()
         self.begin, self.commit = kernels.begin(real, module), kernels.commit(real, module)
@@ -252,12 +253,10 @@ class Explicit(Method):
             self.impacts(self.change)
             self.model.launch(self.settle, self.model.points, [s.b, self.change, self.earlier, s.v, 0.5], [s.v])
 
-    def spring_tables(self) -> list:
-        from wsim.physics.cloth.springs import SpringTable
-        return [SpringTable(self.pull.springs, self.pull.table.rest, self.pull.entry, self.pull.given)]
-
     def meet(self, others: Methods) -> None:
         self.muscles = others.find("muscles")
+        if not self.taken <= {"aero"}:
+            self.at_once.meet(others)
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
         if self.free:

@@ -27,22 +27,22 @@ from wsim.physics.motion.cluster import LARGE, MANY, cluster_of, halo
 from wsim.physics.motion.packets import Packets
 from wsim.physics.motion.threads import Abreast, cores, orders, shares
 
-AIR = "air"
 FEW = 20_000           # points up to which padding to the largest number of springs is free: launches are all that counts
 PADDED = 1.5           # entries over springs' ends that padding may cost above
 class ForceGather:
     """Every force on the points, on the device. `columns`: of the pins' targets, see `Pins.columns`."""
 
-    def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None, alone: bool | str = False,
-                 staged: bool = False, shared: bool = True, packed: bool = False):
+    def __init__(self, model: Model, constants, rows: list[Constraints], columns: np.ndarray | None,
+                 alone: bool | frozenset[str] = False, staged: bool = False, shared: bool = True, packed: bool = False):
         """alone: nothing else acts within a frame, so that a cluster of blocks, or CPU threads abreast, may take all of it;
-        AIR: nothing but the air. staged: integrators of several stages, whose adjoints are Warp's. shared: several threads may
-        take a point. packed: who asks steps by a march where there is one, see `march`."""
+        names: nothing but these methods. staged: integrators of several stages, whose adjoints are Warp's. shared: several
+        threads may take a point. packed: who asks steps by a march where there is one, see `march`."""
         self.model = model
         self.exact = model.gradients and not staged and model.real is wp.float32      # see kernels/math/compensated.py
         self.shared = shared and model.device.is_cuda and not (staged and model.gradients)
         self.cluster: Any = None         # `wsim.physics.motion.cluster.Cluster`, or of sheets `wsim.physics.fused.domains.Plan`
-        self.made, air, alone = False, alone == AIR, bool(alone) and alone != AIR
+        self.made, taken = False, alone if isinstance(alone, frozenset) else frozenset[str]()
+        alone = bool(alone) and not taken
         self.springs = [r for r in rows if r.row.gather == SPRINGS]
         self.tables: list = []
         if model.scene.softs:
@@ -77,7 +77,7 @@ class ForceGather:
         if packed and not self.unpacked():
             self.pack(flat, alone)
         else:
-            self.divide(alone, air)
+            self.divide(alone, taken)
 
     def pack(self, flat: list[Elements], alone: bool) -> None:
         """Elements in packets."""
@@ -86,11 +86,11 @@ class ForceGather:
         self.table, self.space, self.abreast = self.sheets.table, self.sheets.space, self.sheets.abreast
         self.blocks = self.sheets.blocks
 
-    def divide(self, alone: bool, air: bool) -> None:
+    def divide(self, alone: bool, taken: frozenset[str]) -> None:
         """Sheets among blocks that take whole frames; else elements, launch by launch."""
-        if (alone or air) and self.elements:
+        if (alone or taken) and self.elements:
             from wsim.physics.fused.domains import shared
-            self.domains = shared(self, air)
+            self.domains = shared(self, taken)
         if self.domains:
             self.cluster, self.shares = self.domains.plan, self.domains.data
         else:
@@ -254,6 +254,10 @@ class ForceGather:
         """Rest lengths as they are without muscles, which change `table.rest` from now on."""
         self.lengths = lengths
         self.values(again=True)
+
+    def spring_tables(self) -> list:
+        from wsim.physics.cloth.springs import SpringTable
+        return [SpringTable(self.springs, self.table.rest, self.entry, self.given)]
 
     def refresh(self) -> bool:
         """Uploads rest values, stiffness and damping anew; True if launches have other arguments from now on."""

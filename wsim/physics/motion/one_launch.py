@@ -58,16 +58,22 @@ class OneLaunch:
         return clock.substeps, clock.h, self.method.stride, 0 if self.method.target is None else self.method.target.ptr
 
 
-def whole_frames(method, size: int, what: str) -> tuple[OneLaunch, Stage]:
-    """Form of a method whose frames a launch takes, and nothing else acts within them. size: bytes of a frame."""
+def whole_frames(method, size: int, what: str) -> tuple[Any, list[Stage]]:
+    """Form of a method whose frames a launch takes, and of others' what that takes along. size: bytes of a frame."""
     pull, s = method.pull, method.state
     if pull.cluster:
-        one, method.model.fuser = OneLaunch(method, pull.frames()), None         # of which nothing is left
-        return one, Stage(method.integrator.name, "predict", one.by_cluster, 1, size, "frame", what)
+        method.model.fuser = None                # of which nothing is left
+        one: Any = OneLaunch(method, None)
+        if method.taken <= {"aero"}:
+            one.kernel = pull.frames()
+        else:
+            from wsim.physics.fused.acted import ActedFrames
+            one, what = ActedFrames(one), f"{what}, with {', '.join(sorted(method.taken)).replace('xpbd', 'tethers')}"
+        return one, [Stage(method.integrator.name, "predict", one.by_cluster, 1, size, "frame", what)]
     one = OneLaunch(method, method.march)
     method.move(s.e, s.v, s.r, None)
     what += f", {pull.abreast.count} threads" * (pull.abreast.count > 1)
-    return one, Stage(method.integrator.name, "predict", one.by_march, 1, size, "frame", what)
+    return one, [Stage(method.integrator.name, "predict", one.by_march, 1, size, "frame", what)]
 
 
 class FreeFrames:
@@ -87,7 +93,7 @@ class FreeFrames:
         if model.device.is_cuda:
             from wsim.physics.fused.domains import apart
             sheets = bool(self.pull.elements) and not apart(self.pull)
-        if m.acts == 0 and m.field is None and (self.pull.only or sheets) and model.device.is_cuda and few:
+        if not m.taken and m.acts == 0 and m.field is None and (self.pull.only or sheets) and model.device.is_cuda and few:
             own = ForceGather(model, m.points.constants, m.rows, m.columns, alone=True)
             self.pull = own if own.cluster else self.pull
         self.at_once: Any = None         # `OneLaunch`

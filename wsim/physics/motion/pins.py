@@ -158,7 +158,9 @@ class Pins(Method):
         return any(p.motion.moves for g in self.groups.values() for p in g)
 
     def meet(self, others: Methods) -> None:
-        """Soft pins act within Newton steps, where there are some."""
+        """Soft pins act within Newton steps, where there are some, or explicit ones take them (kernels/fused/hold.py)."""
+        if "soft pins" in (others.find("taken") or ()):
+            self.stages = [s for s in self.stages if s.name != "soft pins"]
         terms, adjoint = others.find("terms"), others.find("adjoint")
         if terms is None or not self.groups["soft"]:
             return

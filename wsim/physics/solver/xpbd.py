@@ -68,7 +68,10 @@ class Xpbd(Method):
                 if b.row.gather == SPRINGS]
 
     def meet(self, others: Methods) -> None:
-        """The energy is that of the rest lengths at the end of a frame."""
+        """The energy is that of the rest lengths at the end of a frame. Explicit steps may take tethers: see
+        kernels/fused/hold.py."""
+        if "xpbd" in (others.find("taken") or ()):
+            self.stages.clear()
         self.muscles = others.find("muscles")
 
     def watch(self) -> None:

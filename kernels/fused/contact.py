@@ -1,0 +1,152 @@
+"""What acts on a point between the prediction of a substep and its end, within frames of one launch (kernels/fused/march.py),
+in the order of launches:
+
+    found       contacts, kernels/contact/search.py, at the place where the substep began, rounded as x is between launches
+    held        soft pins and tethers, hold.py; contacts, kernels/contact/project.py: in each iteration
+    thrown      kernels/contact/restitution.py, where colliders throw back
+    corrected   what they changed is a change of velocity, too: `correct` of kernels/motion/explicit.py
+
+The slots keep the contacts of the last substep, as launches do. One thread of a point is in here, the others wait.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.contact.project import SUNK, projecting, slots, tables
+from wsim.kernels.contact.restitution import bounces, formula
+from wsim.kernels.contact.search import finding
+from wsim.kernels.fused.hold import held, pinning, tethering
+from wsim.kernels.fused.own import owned
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.explicit import ALIKE
+
+
+@dataclass(frozen=True)
+class Acts:
+    """Things that act. kinds: of colliders; listed: meshes have lists of candidates; throws: some colliders throw back."""
+
+    kinds: tuple[str, ...] = ()
+    listed: bool = False
+    throws: bool = False
+    pinned: bool = False
+    tethered: bool = False
+
+
+@cache
+def written(real):
+    """Struct of what a frame is told and what it writes, in place."""
+    vec3, Bounces = types(real).vec3, bounces(real)
+
+    @wp.struct
+    class Written:
+        x: wp.array(dtype=vec3)              # positions [m], and e, v, r, as kernels/motion/explicit.py has them, (points,)
+        e: wp.array(dtype=vec3)
+        v: wp.array(dtype=vec3)
+        r: wp.array(dtype=vec3)
+        half: wp.array(dtype=vec3)           # velocity half a step before the end [m/s], (points,)
+        push: wp.array(dtype=vec3)           # of contacts, (slots,)
+        bounces: Bounces
+        halved: int                          # 1: the frame begins with half a kick of v; 0: it goes on from `half`
+        iterations: int
+
+    return Written
+
+
+@cache
+def throwing(real):
+    """Function (c, s, push, own, at: d and a, D) -> d and a in rows: the fastest impact of a point throws it back, and its
+    normal is kept. D: displacement as it was predicted."""
+    t, Own, two = types(real), owned(real), wp.types.matrix((2, 3), real)
+    Bounces, Slots, (struck, thrown) = bounces(real), slots(real), formula(real)
+
+    @wp.func
+    def throwing(c: Bounces, s: Slots, push: wp.array(dtype=t.vec3), own: wp.ref[Own], at: two, D: t.vec3):
+        i = own.point
+        A = (c.bend / (c.h * c.h)) * (c.h * own.q - D)
+        V0 = own.q - c.h * A
+        slot = struck(c, s, push, i, V0)
+        d = at[0]
+        a = at[1]
+        if slot >= 0:
+            j = slot * s.points + i
+            n = s.n[j]
+            p, q = thrown(c, s, i, j, a, V0, A, own.q + ((d - a) - D) / c.h)
+            if p > real(0.0):
+                d += p * n
+                a += (p - c.h * q) * n
+                push[j] = push[j] + (c.h * q) * n
+                own.normal = n
+        return wp.matrix_from_rows(d, a)
+
+    return throwing
+
+
+@cache
+def acting(acts: Acts, real):
+    """Function (c, points, s, hold, out, own, before, k): what acts on a point in substep k, which has moved it from the
+    displacement `before`."""
+    t, Own, Held, Written = types(real), owned(real), held(real), written(real)
+    (Rows, Points), Slots, met = tables(real), slots(real), bool(acts.kinds)
+    find, one, throw = finding(acts.kinds, real, False, acts.listed), projecting(real), throwing(real)
+    pin, tether = pinning(real), tethering(real)
+
+    @wp.func
+    def acting(c: Rows, points: Points, s: Slots, hold: Held, out: Written, own: wp.ref[Own], before: t.vec3, k: int):
+        i = own.point
+        x = own.x + before
+        start = x - own.x                                       # displacement of the rounded place
+        e = before - start
+        d = own.d - start
+        at = wp.matrix_from_rows(d, e)
+        own.before = own.change
+        own.normal = t.vec3()
+        if wp.static(met):
+            deep = s.mark[i] & SUNK
+            if k == 0:
+                deep = deep | c.deep[0]
+            carried = find(c, points, s, wp.vec3i(i, k, deep), x, d, out.push)
+            at = wp.matrix_from_rows(d + carried, e + carried)
+        for m in range(out.iterations):
+            if wp.static(acts.pinned):
+                at[0] = pin(hold, wp.vec3i(i, k, m), own.w, x, at)
+            if wp.static(acts.tethered):
+                at[0] = tether(hold, i, k, x, at[0])
+            if wp.static(met):
+                if s.count[i] > 0:
+                    at[0] = one(c, points, s, i, hold.h, at, out.push, out.push)
+        if wp.static(met and acts.throws):
+            at = throw(out.bounces, s, out.push, own, at, d - e)
+        change = ((at[0] - at[1]) - (d - e)) / hold.h
+        own.change = change
+        if wp.dot(change, change) > real(0.0) or wp.dot(at[1] - e, at[1] - e) > real(0.0):
+            moved = start + at[0]
+            own.s = own.s + (at[0] - (moved - start))
+            own.d = moved
+            own.v = own.v + change
+            own.q = own.q + change
+
+    return acting
+
+
+@cache
+def settled(real):
+    """Function (own, v) -> v: leapfrog's last half kick from own.v to v leaves out what contacts would take back: `settle` of
+    kernels/motion/explicit.py, of an impact that is over nothing (`spare` of kernels/contact/restitution.py)."""
+    t, Own = types(real), owned(real)
+
+    @wp.func
+    def settled(own: wp.ref[Own], v: t.vec3):
+        change = own.change - wp.dot(own.normal, own.change) * own.normal
+        size = wp.length(change)
+        if size > real(0.0):
+            n = change / size
+            back = wp.max(-wp.dot(v - own.v, n), real(0.0))
+            part = wp.min(back, real(0.5) * size)
+            if wp.length(change - own.before) < real(ALIKE) * size:
+                part = real(0.5) * size
+            return v + part * n
+        return v
+
+    return settled

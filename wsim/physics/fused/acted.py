@@ -1,0 +1,81 @@
+"""Frames of leapfrog in one launch of blocks that share sheets, in which others act on points within every substep: contacts,
+soft pins, tethers. See kernels/fused/contact.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from wsim.geometry.topology import incident
+from wsim.kernels.contact.project import slots, tables
+from wsim.kernels.contact.restitution import bounces
+from wsim.kernels.fused.contact import Acts, written
+from wsim.kernels.fused.hold import held
+from wsim.model.stage import Clock, Methods
+from wsim.model.structs import filled
+
+
+class ActedFrames:
+    """one: `wsim.physics.motion.one_launch.OneLaunch` of explicit steps that have `taken` others."""
+
+    contact: Any = None          # methods whose tables are read where they are when a frame is launched
+    pins: Any = None
+    tethers: Any = None          # `wsim.physics.solver.batch.Batch`
+
+    def __init__(self, one):
+        self.one, self.method, self.model, self.pull, self.send = one, one.method, one.model, one.pull, one.send
+        self.hold, self.kernel = held(one.model.real)(), None
+
+    def meet(self, others: Methods) -> None:
+        """Takes what acts, before kernels are compiled."""
+        taken, model, plan = self.method.taken, self.model, self.pull.cluster
+        if "contact" in taken:
+            self.contact = others.find("contact")
+        if "soft pins" in taken:
+            self.pins = others.find("soft pins")
+            first, item = incident(self.pins.place["soft"].numpy()[:, None], model.points)
+            self.hold.first, self.hold.item = (model.upload(a.astype(np.int32), int) for a in (first, item))
+        if "xpbd" in taken:
+            (self.tethers,) = others.find("batches")
+            ends, tether = self.tethers.data.point.numpy(), np.full(model.points, -1, np.int32)
+            tether[ends[:, 1]] = np.arange(len(ends))
+            self.hold.tether = model.upload(tether, int)
+        from wsim.kernels.fused.march import acted
+        c = self.contact.contacts if self.contact else None
+        acts = Acts(c.kinds if c else (), bool(c and c.meshes), bool(c and self.contact.bounce), bool(self.pins),
+                    bool(self.tethers))
+        self.kernel = acted(model.real, model.module_of(plan.threads), plan, self.pull.damped, acts)
+
+    def whole(self, clock: Clock):
+        """Half a kick in the first substep where no velocity of half a step before is known."""
+        step = self.one.whole(clock)
+        step.kick = (0.5 if clock.halved else 1.0) * clock.h
+        return step
+
+    def held(self, clock: Clock):
+        """Struct of what holds points."""
+        hold, net = self.hold, self.pull.net
+        hold.h, hold.stride, hold.pin, hold.target = clock.h, self.method.stride, net.pin, net.target
+        if self.pins:
+            hold.alpha, hold.damping = self.pins.soft.alpha, self.pins.soft.damping
+            hold.goal, hold.lam = self.pins.target["soft"], self.pins.lam
+        if self.tethers:
+            hold.ends, hold.length = self.tethers.data.point, self.tethers.data.rest
+        return hold
+
+    def by_cluster(self, clock: Clock) -> None:
+        pull, s, real = self.pull, self.method.state, self.model.real
+        pull.domains.begin()
+        out = filled(written(real), x=s.x, e=s.e, v=s.v, r=s.r, half=s.b, halved=int(clock.halved),
+                     iterations=clock.iterations)
+        met: list = [tables(real)[0](), tables(real)[1](), slots(real)()]
+        if self.contact:
+            c, bounce = self.contact.contacts, self.contact.bounce
+            met, out.push = [c.table, c.points, c.slots], c.push
+            if bounce:
+                out.bounces = filled(bounces(real), restitution=bounce.restitution, h=clock.h, g=clock.g, bend=2.0)
+        self.model.launch_blocks(self.kernel, pull.cluster.size, pull.cluster.threads,
+                                 [pull.net, pull.shares, self.whole(clock), out, *met, self.held(clock)], [])
+        if self.contact and "solid" in self.contact.contacts.kinds:
+            self.model.zero(self.contact.contacts.table.deep)        # what started inside is marked
