@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -48,6 +48,9 @@ class Near:
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
         self.order = zeros(len(surfaces.points), dtype=int)      # of points that look
+        self.alone: Any = None                   # edges of bodies, where strands have edges as well
+        if surfaces.own["edges"] < surfaces.free["edges"]:
+            self.alone = model.upload(np.arange(surfaces.own["edges"]), int)
         self.trees = [Tree(model, surfaces, kind, span) for kind, span in self._spans()]
         self.age = self.rounds = 0
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
@@ -60,10 +63,11 @@ class Near:
         return own + [(kind, slice(free[name], None)) for kind, name in found if self.surfaces.obstacles]
 
     def _searches(self) -> list[tuple[int, wp.array, int, int]]:
-        """(kind, points or edges that look, tree that they look into, 1: edges among themselves): no collider into another."""
-        edges, own = self.trees[1].tree.item, self.order[:self.surfaces.free["points"]]
+        """(kind, points or edges that look, tree that they look into, 1: edges among themselves): no collider into another,
+        and no strand into one."""
+        edges, own = self.trees[1].tree.item, self.order[:self.surfaces.own["points"]]
         found = [(0, self.order, 0, 0), (1, edges, 1, 1)]
-        found += [(0, own, 2, 0), (1, edges, 3, 0)] if self.surfaces.obstacles else []
+        found += [(0, own, 2, 0), (1, edges if self.alone is None else self.alone, 3, 0)] if self.surfaces.obstacles else []
         return [each for each in found if len(self.trees[each[2]].corners)]              # rods have edges alone
 
     def room(self, capacity: int) -> None:
@@ -104,9 +108,9 @@ class Near:
             x = self.frames.start.numpy()
             for tree in self.trees:
                 tree.sort(x)
-            free = self.surfaces.free["points"]
-            each = (self.surfaces.points[:free], self.surfaces.points[free:])
-            self.order.assign(np.concatenate([own[curve(x[own])] for own in each]))
+            s = self.surfaces
+            each = np.split(s.points, [s.own["points"], s.free["points"]])
+            self.order.assign(np.concatenate([own[curve(x[own])] for own in each if len(own)]))
         self.age += 1
 
     def allow(self, rounds: int) -> None:
