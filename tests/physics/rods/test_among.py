@@ -6,7 +6,7 @@ import pytest
 from tests.physics.selfcontact.rig import solvers
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.crossings import crossings
-from wsim.scene import Pin, Scene, SceneError, shapes
+from wsim.scene import Pin, Plane, Scene, SceneError, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
 
@@ -191,3 +191,24 @@ def test_nothing_of_it_is_built_where_one_side_says_nothing():
         sim = Simulation(scene, device="cpu")
         assert sim.plan.method("rods").among is None and not any("among" in name for name in sim.model.modules)
         assert any("strands pass through /cloth" in text for text in sim.warnings)
+
+
+@pytest.mark.parametrize("solver", ["explicit", "implicit"])
+def test_strands_that_fall_on_a_soft_body_lie_on_it(solver):
+    """Three strands on a block that stands on a floor, which they meet as well: no edge is in the block, in any frame."""
+    scene = Scene(gravity=(0.0, -G, 0.0), fps=24.0, substeps=8, iterations=4, solver=solver)
+    points, tets = shapes.block((0.2, 0.2, 0.2), (3, 3, 3))
+    scene.soft("/block", np.array(points) + (0.0, 0.1, 0.0), tets, self_collision=True)
+    scene.collider("/floor", Plane("Y"))
+    t = np.linspace(-0.25, 0.25, 21)
+    x = np.concatenate([np.stack([t, 0.23 + 0.01 * k + 0.0 * t, 0.05 * (k - 1) + 0.1 * t * k], axis=1) for k in range(3)])
+    scene.add(Rods("/strands", x, [21, 21, 21], THICK, young=1e6, self_collision=True))
+    sim = Simulation(scene, device="cpu")
+    for _ in range(16):
+        sim.step()
+        assert crossed(sim) == 0
+    now = sim.plan.method("rods").points(0)[0]
+    found = sim.plan.method("selfcontact").indicators(None, None)
+    assert found["contacts"] > 0 and found["held"] == 0
+    assert now[:, 1].min() > 0.4 * THICK                                        # the floor holds them too
+    assert (now.reshape(3, 21, 3)[:, 10, 1] > 0.15).all()                       # their middles are on the block
