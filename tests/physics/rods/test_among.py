@@ -212,3 +212,29 @@ def test_strands_that_fall_on_a_soft_body_lie_on_it(solver):
     assert found["contacts"] > 0 and found["held"] == 0
     assert now[:, 1].min() > 0.4 * THICK                                        # the floor holds them too
     assert (now.reshape(3, 21, 3)[:, 10, 1] > 0.15).all()                       # their middles are on the block
+
+
+def test_a_rope_that_starts_through_a_cloth_is_told_with_its_place():
+    scene = thrown(0, 0.0, **solvers("newton")[0].values[0])
+    rods = scene.things("Rods")[0]
+    rods.points[:, 1] = 0.1 * (rods.points[:, 0] - rods.points[:, 0].mean())
+    sim = Simulation(scene, device="cpu")
+    before = crossed(sim)
+    sim.run(3)
+    told = f"{before} edges of rods go through triangles where they start, such as /rope and /cloth at ("
+    assert before > 0 and any(told in text for text in sim.warnings)
+    assert np.isfinite(sim.plan.method("rods").points(0)[0]).all()
+
+
+def test_what_is_written_a_kilometre_away_does_not_cross_either():
+    each = solvers("newton")[0].values[0]
+    scene = thrown(0, 10.0, **each | {"fps": 60.0 * each["substeps"], "substeps": 1})
+    rods = scene.things("Rods")[0]
+    for thing in (scene.cloths[0], rods):
+        thing.points = thing.points + (0.3, 700.0, -1000.0)
+    sim = Simulation(scene, device="cpu")
+    for _ in range(60):
+        sim.step()
+        assert crossed(sim) == 0
+    found = sim.plan.method("selfcontact").indicators(None, None)
+    assert found["contacts"] > 0 and found["held"] == 0

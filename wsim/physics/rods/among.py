@@ -102,6 +102,11 @@ class Among:
         t = self.strands.table
         return t.x.reshape(-1, 3)[self.touching.edges.points] + (t.origin - self.surfaces.base)[self.strand]
 
+    def path(self, place: int) -> str:
+        """Path of the rods that a point among surfaces is of."""
+        strand, t = self.strand[place - self.first], self.strands.table
+        return next(rods.path for own, (rods, _) in zip(t.own, t.pairs, strict=True) if strand < own.stop)
+
     # substeps
 
     def solve(self, clock: Clock) -> None:

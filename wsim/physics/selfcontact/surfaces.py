@@ -50,11 +50,11 @@ class Surfaces:
         self.world = np.repeat([b.world for b in model.bodies], [b.count for b in model.bodies]).astype(np.int32)
         self.reach, self.edge = self._reach(model)
         self.thickness = 2.0 * float(self.reach[self.points].max())
+        self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)       # thick ropes are few: theirs widen
         self.w, self.strands = w, strands
         if strands:
             self._join(strands)
         self.free = self._counts()
-        self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)
         met = obstacles.met(model, contacts)
         self.obstacles = Obstacles(model, contacts, met, self.bodies, self.total) if contacts and met else None
         if self.obstacles:
