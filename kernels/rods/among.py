@@ -4,7 +4,9 @@ A strand's substep is solved with the force F that surfaces gave its points in t
 bear it; before pairs push anew, what F does to each point by itself is taken back, and all of what they push then is the force
 of the next substep:
 
-    d' = d - h^2 F / m,   v' = v - h F / m,   a = d' - h v',       d = d' + D by contact,   v = v' + D / h,   F = m D / h^2
+    d' = d - h^2 F / m,   v' = v - h F / m,   a = d' - h v',       d = d' + D by contact,   v = v' + D / h
+
+    P = m D / h^2,   F = P max(1 - |P - P0| / |P|, 0),   P0 that of the substep before: what lasts, since a blow is over by then
 
 At rest D is what was taken back, and nothing moves; momentum is what pairs exchange, m D / h, whatever F was. What proofs add
 to D moves points, and is no force. Points stand in self-contact's precision, rounded once; proofs count that (`far`).
@@ -20,6 +22,7 @@ from wsim.kernels.rods.system import memory
 from wsim.kernels.rods.tables import Motion, Strands
 
 REAL = wp.float64
+TINY = wp.constant(wp.float64(1e-30))      # [N]
 
 
 @cache
@@ -35,6 +38,7 @@ def companies(real):
         lent: wp.array(dtype=t.vec3)               # d' [m]
         pushed: wp.array(dtype=t.vec3)             # d before proofs [m]
         force: wp.array2d(dtype=wp.vec3d)          # F [N]
+        before: wp.array2d(dtype=wp.vec3d)         # what was pushed in the substep before [N]
         over: wp.array2d(dtype=wp.vec3d)           # [m/s] that velocities which carry on the step before have of D too much
 
     return Company
@@ -84,7 +88,10 @@ def among(real, module: str):
         if S.hold[i, k] < 0:
             share = h * h / S.m[i, k]
             moved = moved - A.force[i, k] * share
-            A.force[i, k] = wp.vec3d(A.pushed[j] - A.lent[j]) / share
+            push = wp.vec3d(A.pushed[j] - A.lent[j]) / share
+            change = wp.length(push - A.before[i, k]) / wp.max(wp.length(push), TINY)
+            A.force[i, k] = push * wp.max(REAL(1.0) - change, REAL(0.0))
+            A.before[i, k] = push
         d[i, k] = d[i, k] + moved
         A.over[i, k] = moved * (memory(Q, i, k) / h)
 

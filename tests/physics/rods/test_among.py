@@ -1,9 +1,13 @@
 """Rods against cloth and soft bodies: they never pass through, keep momentum, stick and slip, and bear what is pulled over."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import wsim
 from tests.physics.selfcontact.rig import solvers
+from wsim.cli.run import prepare
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.crossings import crossings
 from wsim.scene import Pin, Plane, Scene, SceneError, shapes
@@ -238,3 +242,16 @@ def test_what_is_written_a_kilometre_away_does_not_cross_either():
         assert crossed(sim) == 0
     found = sim.plan.method("selfcontact").indicators(None, None)
     assert found["contacts"] > 0 and found["held"] == 0
+
+
+def test_a_run_goes_on_from_its_file_to_the_bit(tmp_path):
+    path, first, second = (str(tmp_path / name) for name in ("ropes.usda", "a.usdc", "b.usdc"))
+    wsim.save(thrown(1, 6.0, **solvers("newton")[0].values[0]), path)
+
+    def run(output: str, frames: int, restart: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+        job = prepare(replace(wsim.load(path), frames=frames), output, lambda s: Simulation(s, device="cpu"), restart=restart)
+        job.frames()
+        return job.simulation.plan.method("rods").points(0)[0], job.simulation.positions("/cloth")
+    whole = run(first, 8)
+    run(second, 5)
+    assert all(np.array_equal(a, b) for a, b in zip(whole, run(str(tmp_path / "c.usdc"), 8, second), strict=True))

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from wsim.physics.rods.touch import Touching
     from wsim.physics.selfcontact.surfaces import Surfaces
 
-PUSH = Field("push", "N", True, "force of surfaces on a point", "vec3d")
+PUSH = (Field("push", "N", True, "force of surfaces on a point that lasts", "vec3d"),
+        Field("pushed", "N", True, "force of surfaces on it in the substep before", "vec3d"))
 STEPS = 4.0            # of rounding: what a file rounds, where a point stands before a substep and behind it, the way between
 
 
@@ -86,7 +87,8 @@ class Among:
         lent, pushed = (wp.zeros(self.points, dtype=vec3, device=device) for _ in range(2))
         strands.trial.given = force = strands.part.arrays["push"].reshape(two)
         self.company = filled(companies(real), own=ground.upload(self.touching.edges.points, int), lent=lent, pushed=pushed,
-                              force=force, over=wp.zeros(two, dtype=wp.vec3d, device=device))
+                              force=force, before=strands.part.arrays["pushed"].reshape(two),
+                              over=wp.zeros(two, dtype=wp.vec3d, device=device))
         self.kick = wp.zeros(ground.points, dtype=wp.vec3d, device=device)
         self.d = self.touching.d.reshape(two)
 

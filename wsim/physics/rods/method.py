@@ -115,7 +115,7 @@ class Strands(Method):
         t, device, more = self.table, self.model.device, ()           # type: Any, Any, tuple[Field, ...]
         if meeting:
             from wsim.physics.rods.among import PUSH
-            more = (PUSH,)
+            more = PUSH
         self.part = Part.allocate("rods", FIELDS + more, t.longest * t.strands, self.model.real, device)
         self.part.rows = {(rods.path, world): place for (rods, world), place in zip(t.pairs, t.place, strict=True)}
         for name, values in (("x", t.x), ("v", t.v), ("d", t.d), ("u", t.v), ("phi", t.phi[..., None])):
