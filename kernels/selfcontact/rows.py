@@ -3,7 +3,8 @@
     C = away + n . sum_k b_k (d_k - e_k) - keep        lam' = max(lam - C / W, 0)        dx_k = w_k b_k (P' - P)
     T* = T - [sum_k b_k (d_k - a_k)]_t / W              T' = T* where |T*| <= mu_s lam', else mu_d lam' T* / |T*|
 
-P = lam n + T is the push of a pair [m kg]: every pair adds P b_k to its points, and sum_k b_k = 0, so that momentum is kept.
+P = lam n + T is the push of a pair [m kg]: every pair adds P b_k to its points, and sum_k b_k = 0, so that momentum is kept;
+its moment is taken back, and slip is that beside a common turn (kernels/selfcontact/couple.py).
 n and b are those of the start of the substep. All pairs move at once (Jacobi), each as if its points were heavier:
 
     W = sum_k |b_k| w_k B_k,   B_k = sum of |b_k| over the pairs of point k
@@ -26,6 +27,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact.couple import couple
 
 SMALL = 1e-3           # of what a pair keeps: one that is as near to it takes part in the last sweep of an iteration only,
 DEPTH = 0.5            # of what a pair is to keep: sweeps go on while one would end nearer
@@ -58,9 +60,7 @@ def lean(real, module):
             near.on[wp.atomic_add(near.active, 0, 1)] = i
             for k in range(4):
                 share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
-                if share > 0:
-                    wp.atomic_add(to.share, ids[k], share)
-
+                wp.atomic_add(to.share, ids[k], wp.max(share, 1))         # couples move all four
     @wp.kernel(module=module, enable_backward=False)
     def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near: Pairs, to: Sums):
         j = wp.tid()
@@ -90,7 +90,8 @@ def press(real, module):
     sweep in its block of those that lead ahead; -1: it does not. threads: as `lean`."""
     t = types(real)
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
-    fixed, lead_of = pairs.fixed(real), leads(real)
+    fixed, lead_of, (arms, lever, turn) = pairs.fixed(real), leads(real), couple(real)
+    points = wp.types.matrix((4, 3), real)
 
     @wp.func
     def after(n: t.vec3, push: t.vec3, C: real, W: real, slip: t.vec3, mu: t.vec2):
@@ -109,16 +110,23 @@ def press(real, module):
         ids = near.ids[i]
         b = near.b[i]
         n = near.n[i]
-        W = real(0.0)
+        W, rubs = real(0.0), real(1.0)
         C = near.away[i] - wp.min(near.keep[i], near.away[i] + climb)
-        slip = t.vec3()
-        mu = t.vec2()
+        slip, D, mu = t.vec3(), t.vec3(), t.vec2()
+        r, d = points(), points()
         for k in range(4):
             q = ids[k]
             W += wp.abs(b[k]) * s.w[q] * real(to.share[q]) / real(pairs.SHARES)
             C += b[k] * wp.dot(n, at.d[q] - at.e[q])
-            slip += b[k] * (at.d[q] - at.a[q])
+            d[k] = at.d[q] - at.a[q]
+            slip += b[k] * d[k]
             mu += real(0.5) * wp.abs(b[k]) * s.friction[q]
+            rubs *= s.w[q]
+        K = t.mat33()
+        if mu[0] * rubs > real(0.0):                      # what cannot move takes moments
+            r, D = arms(s, at, ids, b)
+            K = lever(r)
+            slip -= wp.cross(turn(K, r, d), D)
         if W > real(0.0):
             push = near.push[i]
             over = real(pairs.OVER)
@@ -133,8 +141,9 @@ def press(real, module):
             else:
                 near.swept[i] = then
             near.push[i] = then
+            back = K * wp.cross(D, then - push)
             for k in range(4):
-                fixed(to, ids[k], (s.w[ids[k]] * b[k]) * (then - push))
+                fixed(to, ids[k], s.w[ids[k]] * (b[k] * (then - push) - wp.cross(back, r[k])))
 
     @wp.kernel(module=module, enable_backward=False)
     def press_pairs(s: Surfaces, at: State, climb: real, more: int, threads: int, near: Pairs, words: wp.array(dtype=int),

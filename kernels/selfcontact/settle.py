@@ -23,6 +23,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import ALIKE
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs, rows
+from wsim.kernels.selfcontact.couple import couple
 
 LITTLE = 0.1           # of the distance that a pair keeps: sweeps go on while a substep's motion errs by more
 
@@ -89,27 +90,51 @@ def gather(real, module):
 
 @cache
 def spread(real, module):
-    """Kernel: adds `scale` times the impulses Q to the sums of points [m/s], and the weights of pairs to the shares of points,
-    as each sweep needs them (scale 0)."""
+    """Kernel: adds the weights of pairs to the shares of points, as each sweep needs them."""
     Aims, Sums = aims(real), pairs.sums(real)
-    fixed = pairs.fixed(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def spread_aims(w: wp.array(dtype=real), aim: Aims, scale: real, threads: int, to: Sums):
+    def spread_aims(aim: Aims, threads: int, to: Sums):
+        j = wp.tid()
+        while j < aim.count[0]:
+            if aim.most[j] > real(0.0):
+                for k in range(4):
+                    share = int(wp.ceil(wp.abs(aim.b[j][k]) * real(pairs.SHARES)))
+                    if share > 0:
+                        wp.atomic_add(to.share, aim.ids[j][k], share)
+            j += threads
+
+    return spread_aims
+
+
+@cache
+def give(real, module):
+    """Kernel: adds `scale` times the impulses Q, with the couples of such pushes, to the sums of points [m/s], and to their
+    shares, so that they are taken."""
+    Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
+    fixed, (arms, lever, _) = pairs.fixed(real), couple(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def give_aims(s: Surfaces, at: State, aim: Aims, scale: real, threads: int, to: Sums):
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
                 ids = aim.ids[j]
                 b = aim.b[j]
+                push = scale * aim.q[j] * aim.n[j]
+                rubs, mu = real(1.0), real(0.0)
                 for k in range(4):
-                    share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
-                    if share > 0:
-                        wp.atomic_add(to.share, ids[k], share)
-                    if scale != real(0.0):
-                        fixed(to, ids[k], (w[ids[k]] * b[k] * scale * aim.q[j]) * aim.n[j])
+                    rubs *= s.w[ids[k]]
+                    mu += wp.abs(b[k]) * s.friction[ids[k]][0]
+                r, D = arms(s, at, ids, b)
+                back = wp.cross(D, push)
+                back = wp.where(mu * rubs > real(0.0), lever(r) * back, real(0.0) * back)
+                for k in range(4):
+                    wp.atomic_add(to.share, ids[k], 1)
+                    fixed(to, ids[k], s.w[ids[k]] * (b[k] * push - wp.cross(back, r[k])))
             j += threads
 
-    return spread_aims
+    return give_aims
 
 
 @cache

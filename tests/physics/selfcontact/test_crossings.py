@@ -100,3 +100,21 @@ def test_candidates_are_all_overlapping_boxes():
     brute = [(a, b) for a, b in product(range(80), repeat=2)
              if a < b and (low[a] <= high[b]).all() and (low[b] <= high[a]).all()]
     assert np.array_equal(candidates(low, high), np.array(sorted(brute)))
+
+
+def test_triangles_of_sizes_a_million_apart_are_found_as_by_all_pairs():
+    """A grid by the median would have 1e12 cells in a large one."""
+    rng = np.random.default_rng(5)
+    middle, size = rng.uniform(size=(60, 3)), np.where(np.arange(60) < 50, 1e-7, 1.0)
+    corners = middle[:, None] + size[:, None, None] * rng.normal(size=(60, 3, 3))
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    over = (low[:, None] <= high[None]).all(axis=2) & (low[None] <= high[:, None]).all(axis=2)
+    np.testing.assert_array_equal(candidates(low, high), np.argwhere(np.triu(over, 1)))
+
+
+def test_beyond_a_number_of_pairs_none_is_looked_at():
+    triangles = np.random.default_rng(6).uniform(size=(60, 3, 3))
+    points, named = triangles.reshape(-1, 3), np.arange(180).reshape(-1, 3)
+    every = crossings(points, named)
+    assert len(crossings(points, named, most=7)) == 8 < len(every)
+    np.testing.assert_array_equal(crossings(points, named, most=1770), every)

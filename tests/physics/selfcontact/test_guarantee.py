@@ -57,7 +57,7 @@ def test_results_are_the_same_from_run_to_run():
 def test_energy_that_cuts_take_is_counted(monkeypatch):
     """Two sheets that fly at each other, with neither contacts nor projections: cuts alone stop them, and take what is lost; of
     one substep more and more of the motion, several running."""
-    for name, value in (("SWEEPS", 0), ("LAST", 0), ("ROUNDS", 0), ("LOSS", 1000)):
+    for name, value in (("SWEEPS", 0), ("LAST", 0), ("LONGER", 0), ("ROUNDS", 0), ("LOSS", 1000)):
         monkeypatch.setattr(method, name, value)
     scene = layers(2, 3, 0.0125, substeps=1, iterations=1)
     scene.fps *= 10.0

@@ -1,9 +1,10 @@
 """Reports of starts: intersections with their places, and thicknesses that edges or files cannot hold."""
 
 import numpy as np
+import pytest
 
 from tests.physics.selfcontact.rig import THIN, run
-from wsim.scene import Scene, shapes
+from wsim.scene import Scene, SceneError, shapes
 from wsim.scene.fabric import Fabric
 
 
@@ -46,3 +47,38 @@ def test_a_thickness_that_a_file_cannot_hold_is_told():
     sim.step()
     (text,) = [w for w in sim.warnings if "results round" in w]
     assert "give 0.0156 m or more" in text
+
+
+def heap(side: int, size: float) -> Scene:
+    """A sheet whose points start at random within a ball of a size [m]."""
+    found = scene((True, (0.0, 0.0, 0.0)))
+    points, counts, indices = shapes.sheet(0.4, 0.4, side - 1, side - 1, horizontal=True)
+    ball = size * np.random.default_rng(0).normal(size=points.shape) + (0.1, 0.2, 0.3)
+    found.cloths.clear()
+    found.cloth("/heap", ball, counts, indices, material=THIN, self_collision=True, rest_points=points)
+    return found
+
+
+def test_thousands_of_points_in_one_place_are_refused_with_their_number_and_place():
+    """All of 2025 would be near each other: tens of millions of pairs."""
+    with pytest.raises(SceneError, match=r"/heap: 2025 points .* within 0.00\d+ m of each other at \(0\.1, 0\.2, 0\.3\) m"):
+        run(heap(45, 1e-6))
+    with pytest.raises(SceneError, match="/heap: none of its faces has an area"):
+        run(heap(45, 1e-9))
+
+
+def test_a_surface_that_starts_as_a_tangle_is_refused():
+    """144 points at random in a ball of a centimetre, 8000 intersections: more than 4 a triangle and 1000."""
+    with pytest.raises(SceneError, match="/heap: its surface is a tangle .* more than 1968 pairs of triangles intersect"):
+        run(heap(12, 1e-2))
+
+
+def test_many_points_that_fill_a_place_without_being_in_one_are_none_too_many():
+    """Five layers of a mesh of 2 mm edges, twice as thick, a millimetre apart."""
+    found = scene((True, (0.0, 0.0, 0.0)))
+    found.cloths.clear()
+    for k in range(5):
+        points, counts, indices = shapes.sheet(0.04, 0.04, 20, 20, horizontal=True, at=(0.0, 1e-3 * k, 0.0))
+        fine = Fabric(stretch=500.0, shear=100.0, bend=1e-6, thickness=4e-3, density=100.0)
+        found.cloth(f"/layer{k}", points, counts, indices, material=fine, self_collision=True)
+    assert [w for w in run(found).plan.method("selfcontact").reports if "shortest edge" in w]

@@ -12,24 +12,33 @@ opposite to the shared point meets the other. Independent of the device code who
 an author's start looks like.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
-CELLS = 2.0            # edge of a cell of the grid over the median extent of a triangle
+CELLS = 2.0            # edge of a cell of the grid over the median extent of a triangle, or more:
+EACH = 16.0            # cells that a triangle may be in, on average
+SOME = 1 << 18         # pairs of boxes that are looked at together
 ROUNDING = 64.0 * 2.0 ** -52           # of a projection, over what it is a sum of
 
 
-def crossings(points: np.ndarray, triangles: np.ndarray, neighbours: bool = True, own: int | None = None) -> np.ndarray:
+def crossings(points: np.ndarray, triangles: np.ndarray, neighbours: bool = True, own: int | None = None,
+              most: int | None = None) -> np.ndarray:
     """Pairs of triangles that intersect, (k, 2), ascending. points: (n, 3), any unit; triangles: (t, 3). neighbours: those that
     share points too, all of which are looked at exactly: 0.3 ms a triangle, where the others take a tenth. own: how many of the
-    first are looked for; pairs of two others are left out."""
+    first are looked for; pairs of two others are left out. most: where floats leave more pairs than this, so many of them are
+    returned as they are, and none is looked at exactly."""
     triangles = np.asarray(triangles, np.int64).reshape(-1, 3)
     corners = np.asarray(points, np.float64)[triangles]
-    pairs = candidates(corners.min(axis=1), corners.max(axis=1))
-    if own is not None:
-        pairs = pairs[pairs[:, 0] < own]
-    if not neighbours:
-        pairs = pairs[~sharing(triangles, pairs)]
-    pairs = pairs[unclear(corners, triangles, pairs)]
+    pairs = np.zeros((0, 2), np.int64)
+    for some in overlaps(corners.min(axis=1), corners.max(axis=1)):
+        if own is not None:
+            some = some[some[:, 0] < own]
+        if not neighbours:
+            some = some[~sharing(triangles, some)]
+        pairs = once([pairs, some[unclear(corners, triangles, some)]], len(triangles))
+        if most is not None and len(pairs) > most:
+            return pairs[:most + 1]
     whole = _integers(corners[np.unique(pairs)]) if len(pairs) else np.zeros((0, 3, 3), object)
     place = {int(t): k for k, t in enumerate(np.unique(pairs))}
     hit = [meet(whole[place[int(a)]], whole[place[int(b)]], triangles[a], triangles[b]) for a, b in pairs]
@@ -38,9 +47,41 @@ def crossings(points: np.ndarray, triangles: np.ndarray, neighbours: bool = True
 
 def candidates(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Pairs of boxes that overlap, (k, 2), first < second, ascending. low, high: corners, (n, 3)."""
+    return once([np.zeros((0, 2), np.int64), *overlaps(low, high)], len(low))
+
+
+def once(pairs: list[np.ndarray], n: int) -> np.ndarray:
+    """Pairs of numbers below n, each once, ascending, (k, 2)."""
+    a, b = np.concatenate(pairs).T
+    return np.stack(np.divmod(np.unique(a * n + b), n), axis=1)
+
+
+def overlaps(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
+    """The same, some at a time, (k, 2); a pair may come again."""
     if len(low) < 2:
-        return np.zeros((0, 2), np.int64)
+        return
+    box, key = _cells(low, high)
+    found, offset = [], 1
+    while True:                                            # neighbours in the sorted list, offset apart, of the same cell
+        same = np.flatnonzero(key[offset:] == key[:-offset])
+        if not len(same):
+            break
+        a, b = box[same], box[same + offset]
+        over = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
+        found.append(np.stack([a[over], b[over]], axis=1))
+        offset += 1
+        if sum(map(len, found)) > SOME:
+            yield once(found, len(low))
+            found = []
+    if found:
+        yield once(found, len(low))
+
+
+def _cells(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Boxes and the cells that they are in, ordered by cell and box; so large that a box is in EACH of them on average."""
     size = CELLS * max(float(np.median((high - low).max(axis=1))), 1e-30 + 1e-9 * float(np.ptp(low)))
+    while (np.floor((high - low) / size) + 2.0).prod(axis=1).mean() > EACH:
+        size *= 2.0
     first = np.floor((low - low.min(axis=0)) / size).astype(np.int64)
     count = np.floor((high - low.min(axis=0)) / size).astype(np.int64) - first + 1
     number = count.prod(axis=1)
@@ -50,17 +91,7 @@ def candidates(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     cell = first[box] + np.stack([k % c[:, 0], k // c[:, 0] % c[:, 1], k // (c[:, 0] * c[:, 1])], axis=1)
     _, key = np.unique(cell, axis=0, return_inverse=True)
     order = np.lexsort((box, key.ravel()))
-    box, key = box[order], key.ravel()[order]
-    found, offset = [np.zeros((0, 2), np.int64)], 1
-    while True:                                            # neighbours in the sorted list, offset apart, of the same cell
-        same = np.flatnonzero(key[offset:] == key[:-offset])
-        if not len(same):
-            break
-        a, b = box[same], box[same + offset]
-        over = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
-        found.append(np.stack([a[over], b[over]], axis=1))
-        offset += 1
-    return np.unique(np.concatenate(found), axis=0)
+    return box[order], key.ravel()[order]
 
 
 def sharing(triangles: np.ndarray, pairs: np.ndarray) -> np.ndarray:

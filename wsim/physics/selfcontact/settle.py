@@ -31,6 +31,8 @@ class Settle:
             self.kernels = {f.__name__: f(real, module) for f in (settle.gather, settle.spread, settle.strike, settle.combine)}
             if self.memory:
                 self.kernels |= {"aim": settle.aim(real, module), "lacking": settle.lacking(real, module)}
+            if self.halved:
+                self.kernels["give"] = settle.give(real, module)
             vec3 = types(real).vec3
             self.v, self.given, self.lasting = (wp.zeros(method.surfaces.total, dtype=vec3, device=self.model.device)
                                                 for _ in range(3))
@@ -88,7 +90,7 @@ class Settle:
     def sweeps(self, v: wp.array, count: int, leads: bool) -> None:
         w, near = self.method.surfaces.data.w, self.method.near
         for k in range(count):
-            self.pairs("spread", [w, self.aims, 0.0], [near.sums])
+            self.pairs("spread", [self.aims], [near.sums])
             self.pairs("strike", [w, v, self.aims, k if leads else -1, near.words], [near.sums])
             self.add(v)
 
@@ -106,7 +108,7 @@ class Settle:
         wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [near.pairs, back], [self.aims]))
         if self.halved:
             self.given.zero_()
-            self.pairs("spread", [self.method.surfaces.data.w, self.aims, 2.0], [near.sums])
+            self.pairs("give", [self.method.surfaces.data, self.method.at(), self.aims, 2.0], [near.sums])
             self.add(self.given)
             self.combine(1.0, self.given, -1.0 / clock.h, self.state.d, self.given)
 
@@ -151,7 +153,7 @@ class Settle:
         self.combine(1.0, s.v, -1.0, s.b, self.v)
         if self.method.strands:
             self.method.strands.still(self.v)            # no kick, but their part of what contacts take back
-        self.pairs("spread", [self.method.surfaces.data.w, self.aims, 1.0], [self.method.near.sums])
+        self.pairs("give", [self.method.surfaces.data, self.method.at(), self.aims, 1.0], [self.method.near.sums])
         self.add(self.v)
         self.sweep(self.v)
         self.combine(1.0, s.b, 1.0, self.v, s.v)

@@ -9,6 +9,7 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.physics.selfcontact.crossings import crossings
+from wsim.scene import Problem, SceneError
 
 if TYPE_CHECKING:
     from wsim.model.model import Body
@@ -17,14 +18,17 @@ if TYPE_CHECKING:
 THICK = 0.4            # thickness over the shortest edge from which neighbours on a flat cloth would be in contact
 STEPS = 8.0            # of rounding that a thickness takes, so that what is written keeps apart what is apart
 LITTLE = 64.0 * 2.0 ** -24   # of the size of all surfaces, that those which intersect keep: more than proofs need
+CROWD = 500            # points within the reach of a pair: 330 are where five layers of a cloth lie, twice as thick as edges
+TANGLE, LOOSE = 4, 1000      # pairs a triangle that may intersect, and besides: each is tested exactly, and stays near
 NAMED = 3              # places that are told
 
 
 def reports(surfaces: Surfaces) -> list[str]:
     """Warnings about the surfaces of the first world, by prim path, each with what would do. Where surfaces intersect they keep
     little more than rounding apart from here on: points of either side are on both sides of the other, and a thickness would
-    push against itself, without end."""
+    push against itself, without end. Raises SceneError where so much is in one place that all of it would be near all else."""
     bodies = [b for b in surfaces.bodies if b.world == 0]
+    _crowded(bodies, surfaces)
     found = [text for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces))]
     return [*_crossed(bodies, surfaces), *_pierced(bodies, surfaces), *found]
 
@@ -45,6 +49,30 @@ def _pierced(bodies: list[Body], surfaces: Surfaces) -> list[str]:
             "where nothing takes them apart; move them apart there"] if where else []
 
 
+def _crowded(bodies: list[Body], surfaces: Surfaces) -> None:
+    """Raises SceneError where more than CROWD points are within reach of each other."""
+    x = np.concatenate([(b.places + b.origin)[np.unique(b.triangles) - b.first] for b in bodies])
+    near = surfaces.thickness + 2.0 * surfaces.beta
+    if not len(x) or _fullest(x, near)[0] <= CROWD / 8:                # a cube of that size is in eight cells at most
+        return
+    steps = 0.5 * np.stack(np.meshgrid(*[(0.0, 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    count, first = max((_fullest(x + near * step, near) for step in steps), key=lambda found: found[0])
+    if count > CROWD:
+        of = np.searchsorted(np.cumsum([len(np.unique(b.triangles)) for b in bodies]), first, side="right")
+        where = ", ".join(f"{v:.4g}" for v in x[first])
+        raise SceneError(Problem(bodies[of].path, f"{count} points of surfaces that touch are within {near:.3g} m of each other"
+                                 f" at ({where}) m; expected: {CROWD} at most, as each is near all others; move them apart, "
+                                 f"weld them, give less thickness (now {surfaces.thickness:.3g} m), or leave "
+                                 "wsim:selfCollision out"))
+
+
+def _fullest(x: np.ndarray, size: float) -> tuple[int, int]:
+    """Points in the fullest cell of a grid, and the first of them."""
+    cell = np.floor((x - x.min(axis=0)) / size).astype(np.int64) if len(x) else x
+    _, first, count = np.unique(cell, axis=0, return_index=True, return_counts=True)
+    return int(count.max()), int(first[count.argmax()])
+
+
 def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[str]:
     """Triangles without a common point that intersect, by the exact test; not those of two colliders."""
     first = np.cumsum([0, *(b.count for b in bodies)])
@@ -55,14 +83,19 @@ def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[str]:
         first, world = np.append(first, first[-1] + np.cumsum([len(e.own) for e in o.each])), o.world == 0
         triangles = np.concatenate([triangles, *(e.triangles + s for e, s in zip(o.each, first[len(bodies):], strict=False))])
         x, names = np.concatenate([x, o.start()[world]]), [*names, *(o.contacts.rows.colliders[e.number].path for e in o.each)]
-    found = crossings(x, triangles, neighbours=False, own=own)
+    most = TANGLE * len(triangles) + LOOSE
+    found = crossings(x, triangles, neighbours=False, own=own, most=most)
     if not len(found):
         return []
     crossed = np.concatenate([b.triangles for b in bodies])[np.unique(found[found < own])]
-    surfaces.flatten(crossed, LITTLE * float(np.ptp(x, axis=0).max()))
     of = np.searchsorted(first, triangles[:, 0], side="right") - 1
     where = [f"{names[of[s]]} and {names[of[t]]} at ({', '.join(f'{v:.4g}' for v in place)}) m"
              for s, t in found[:NAMED] for place in [x[triangles[[s, t]]].mean(axis=(0, 1)) + bodies[0].origin]]
+    if len(found) > most:
+        raise SceneError(Problem(names[of[found[0, 0]]], f"its surface is a tangle where it starts: more than {most} pairs of "
+                                 f"triangles intersect, such as {where[0]}; expected: none, {TANGLE} a triangle and {LOOSE} at "
+                                 "most; move them apart, or leave wsim:selfCollision out"))
+    surfaces.flatten(crossed, LITTLE * float(np.ptp(x, axis=0).max()))
     return [f"{len(found)} pairs of triangles intersect where surfaces start, such as {'; '.join(where)}: they keep no "
             "thickness there, and stay crossed where nothing takes them apart; move them apart there"]
 

@@ -16,6 +16,7 @@ from wsim.kernels.selfcontact.tubes import LONG
 from wsim.model.structs import filled
 from wsim.physics.selfcontact import obstacles
 from wsim.physics.selfcontact.obstacles import Obstacles
+from wsim.scene import Problem, SceneError
 
 if TYPE_CHECKING:
     from wsim.model.model import Body, Model
@@ -40,9 +41,12 @@ class Surfaces:
     them, or None where bodies are all there is."""
 
     def __init__(self, model: Model, w: wp.array, contacts: Contacts | None = None, strands: Any = None):
-        """w: inverse masses [1/kg] of all points of bodies."""
+        """w: inverse masses [1/kg] of all points of bodies. Raises SceneError for a body without a triangle."""
         self.bodies = touching(model)
         self.triangles = model.shared(np.concatenate([b.triangles for b in self.bodies])).astype(np.int32)
+        if none := [b.path for b in self.bodies if not len(b.triangles)]:
+            raise SceneError([Problem(path, "none of its faces has an area that rounding leaves; a surface that touches needs "
+                                            "at least one triangle") for path in none])
         self.edges = topology.edges(self.triangles).astype(np.int32)
         self.points = np.unique(self.triangles).astype(np.int32)
         self.own = self._counts()
