@@ -112,13 +112,13 @@ def meet(real, module):
         if kind == closest.EDGES:
             a = s.edge[i][0]
             b = s.edge[i][1]
-        box = about(f, a, b, b)
+        ours = about(f, a, b, b)
         root = s.world[a] * 2 * into.leaves
         node = int(1)
         if own > 0:
             node = tree.behind(into.leaves + j % into.leaves)
         while node > 0:
-            if tree.apart(box, into.box[root + node], widest):
+            if tree.apart(ours, tree.box(into.box, root + node), widest):
                 node = tree.behind(node)
             elif node < into.leaves:
                 node = 2 * node

@@ -18,6 +18,7 @@ from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.tubes import frames
 
 ROUNDED = 2.0 ** -22                     # of coordinates, that boxes are larger by: results of a few operations in float32
+BITS = 10                                # of places along an axis
 Box = wp.types.matrix((4, 3), wp.float32)        # low and high corner where tubes begin, the same where they end [m]
 
 
@@ -26,6 +27,23 @@ class Tree:
     leaves: int
     item: wp.array(dtype=int)            # the triangle or edge of a leaf, -1: none, (worlds * leaves,)
     box: wp.array(dtype=Box)             # (worlds * 2 * leaves,)
+
+
+@wp.func_native("""
+    wp::mat_t<4, 3, wp::float32> found;
+#ifdef __CUDA_ARCH__
+    const float4* p = reinterpret_cast<const float4*>(of.data + i);
+    const float4 a = p[0], b = p[1], c = p[2];
+    const float each[12] = {a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y, c.z, c.w};
+    for (int k = 0; k < 12; ++k)
+        found.data[k / 3][k % 3] = each[k];
+#else
+    found = of.data[i];
+#endif
+    return found;
+""")
+def box(of: wp.array(dtype=Box), i: int) -> Box:
+    """Box of a node, by three reads."""
 
 
 @wp.func
@@ -121,6 +139,37 @@ def join(module):
         j = wp.tid()
         root = (j / first) * 2 * to.leaves
         node = first + j % first
-        to.box[root + node] = joined(to.box[root + 2 * node], to.box[root + 2 * node + 1])
+        to.box[root + node] = joined(box(to.box, root + 2 * node), box(to.box, root + 2 * node + 1))
 
     return join_boxes
+
+
+@cache
+def number(real, module):
+    """Kernel: places along a Morton curve, BITS for each axis in units of `cell` [m], anew where they end, of triangles
+    (kind 0), edges (1) or points (2) in `item`; its stretches of `each` stay together, -1 behind the others."""
+    Surfaces, Frames = pairs.surfaces(real), frames(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def number_items(s: Surfaces, f: Frames, kind: int, each: int, cell: float, item: wp.array(dtype=int),
+                     key: wp.array(dtype=wp.int64)):
+        j = wp.tid()
+        i = item[j]
+        stretch = wp.int64(j / each)
+        if i < 0:
+            key[j] = (wp.int64(2) * stretch + wp.int64(1)) << wp.int64(3 * BITS)
+            return
+        ids = wp.vec3i(i, i, i)
+        if kind == 0:
+            ids = s.triangle[i]
+        if kind == 1:
+            ids = wp.vec3i(s.edge[i][0], s.edge[i][1], s.edge[i][0])
+        x = f.start[ids[0]] + f.start[ids[1]] + f.start[ids[2]]
+        found = wp.int64(0)
+        for axis in range(3):
+            place = int(wp.floor(float(x[axis]) / (3.0 * cell)))
+            for bit in range(BITS):
+                found |= wp.int64((place >> bit) & 1) << wp.int64(3 * bit + axis)
+        key[j] = (wp.int64(2) * stretch) << wp.int64(3 * BITS) | found
+
+    return number_items

@@ -28,6 +28,7 @@ from wsim.kernels.selfcontact import pairs
 FOLD, COLUMNS = 16, 17           # of the sums: how many partial ones are one in a pass, numbers of each
 ENERGY = 16                              # the one of m |f|^2
 LEAD, LONG = 16, 2.0                     # substeps that tubes lead ahead at most; how far, in mean edges
+GROWS = 2                                # times the last list's substeps that tubes lead ahead at most
 LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the widest tube over beta; least over that before
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
@@ -172,7 +173,7 @@ def axes(real, module):
         way = q - p
         size = wp.length(way)
         lead = f.lead[0]
-        while lead > 1 and real(lead) * size > s.longest:
+        while lead > 1 and (real(lead) * size > s.longest or lead > GROWS * wp.max(words[pairs.AGE], 1)):
             lead = lead / 2
         held = real(wp.max(words[pairs.AGE], 1))
         wide = wp.max(f.off[i] * real(LASTS) / held, real(STAYS) * f.beta[i])

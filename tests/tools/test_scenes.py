@@ -26,7 +26,7 @@ CONTENT = {
     "tablecloth": (33 * 33, 0.64, "denim", 0, (Box, Plane), False),
     "shirt": (6436, 0.706, "cotton", 0, (Surface,), False),
     "ribbon": (7 * 61, None, "denim", 0, (Plane,), False),
-    "twisted_cloth": (17 * 33, 0.32, "cotton", 34, (), True),
+    "twisted_cloth": (13 * 121, 0.08, "denim", 26, (), True),
     "rollers": (11 * 31, 0.1728, "denim", 0, (Surface, Surface, Box, Plane), False),
     "worn_shirt": (6436, 0.706, "cotton", 0, (Surface,), False),
 }

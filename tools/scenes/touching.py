@@ -25,22 +25,27 @@ def ribbon() -> str:
 
 
 def twisted_cloth() -> str:
-    columns, rows, turns, frames = 16, 32, 0.8, 72
-    surface = shapes.sheet(0.4, 0.8, columns, rows, at=(0.0, 0.5, 0.0))
-    up = np.asarray(surface[0])[:, 1]
+    width, length, turns, frames = 0.08, 1.0, 10.0, 120                        # [m]
+    surface = shapes.sheet(length, width, 120, 12, at=(0.0, 0.3, 0.0))
+    x, y = np.asarray(surface[0]).T[:2]
 
-    def grip(name: str, sign: float, y: float) -> str:
-        keys = [(f, (0.0, sign * 180.0 * turns * eased(f, 8, 64), 0.0)) for f in range(0, frames + 1, 2)]
-        body = samples("float3", "xformOp:rotateXYZ", keys) + "\n" + moved(0, y, 0, "xformOp:rotateXYZ")
-        return block("Xform", name, body, comment="Turns about the axis of the cloth.")
-    return scene("A cloth is twisted into a rope: its ends turn against each other, 0.8 of a turn in all.", [
-        settings(solver="xpbd", substeps=24, iterations=10, air_drag=1.0, comment=TOUCHING),
-        material("cotton", damping=1e-4),
-        cloth("Cloth", surface, "cotton", (0.75, 0.6, 0.2), "40 x 80 cm. wsim:selfCollision: it winds about itself and does "
+    def grip(name: str, sign: float) -> str:
+        keys = [(f, turns * eased(f, 8, 112)) for f in range(0, frames + 1, 2)]
+        nearer = [0.015 * min(0.5 * n, 1.0)**2 + 0.004 * n for _, n in keys]   # fibres go round: the rope is shorter [m]
+        body = "\n".join([
+            samples("float3", "xformOp:rotateXYZ", [(f, (sign * 180.0 * n, 0.0, 0.0)) for f, n in keys]),
+            samples("double3", "xformOp:translate", [
+                (f, (sign * (x.max() - near), y.mean(), 0.0)) for (f, _), near in zip(keys, nearer, strict=True)]),
+            'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]'])
+        return block("Xform", name, body, comment="Turns about the axis of the cloth, and comes 5.5 cm nearer.")
+    return scene("A strip of cloth is twisted into a rope: its ends turn against each other, ten turns in all.", [
+        settings(solver="xpbd", substeps=24, iterations=8, air_drag=1.0, comment=TOUCHING),
+        material("denim", damping=1e-4),
+        cloth("Cloth", surface, "denim", (0.75, 0.6, 0.2), "100 x 8 cm. wsim:selfCollision: it winds about itself and does "
               "not pass through.", self_collision=True),
-        grip("Upper", 1.0, float(up.max())), grip("Lower", -1.0, float(up.min())),
-        pin("Above", "/World/Cloth", np.flatnonzero(up > up.max() - 1e-6), "/World/Upper", "The upper edge."),
-        pin("Below", "/World/Cloth", np.flatnonzero(up < up.min() + 1e-6), "/World/Lower", "The lower edge."),
+        grip("Left", -1.0), grip("Right", 1.0),
+        pin("Leftmost", "/World/Cloth", np.flatnonzero(x < x.min() + 1e-6), "/World/Left", "The left edge."),
+        pin("Rightmost", "/World/Cloth", np.flatnonzero(x > x.max() - 1e-6), "/World/Right", "The right edge."),
     ], frames=frames)
 
 

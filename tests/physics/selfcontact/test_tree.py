@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tests.physics.selfcontact.rig import crumple, run
-from wsim.physics.selfcontact.tree import curve
 
 STEPS = 64             # places in time where boxes are looked at
 
@@ -52,10 +51,16 @@ def test_boxes_that_meet_are_found_once(side):
     assert len(tip) + len(edge) < 4 * (len(wanted) + len(edge)) and len(tip) < 0.7 * len(s.points) * len(s.triangles)
 
 
-def test_a_curve_keeps_what_is_near_together():
-    x = np.stack(np.meshgrid(*[np.arange(8.0)] * 3), axis=-1).reshape(-1, 3)
-    order = curve(np.random.default_rng(0).permutation(x))
-    assert sorted(order) == list(range(512))
-    y = np.random.default_rng(0).permutation(x)[order]
-    assert np.ptp(y.reshape(64, 8, 3), axis=1).max() == 1.0          # each eight are one cube
-    assert curve(np.zeros((0, 3))).shape == (0,) and list(curve(np.zeros((3, 3)))) == [0, 1, 2]
+def test_trees_are_sorted_by_where_triangles_are():
+    """Leaves next to each other are near; none is lost, where triangles are fewer than leaves, too."""
+    sim = run(crumple(0, 12, 8.0))
+    near = sim.plan.method("selfcontact").near
+    for tree, table in zip(near.trees, (near.surfaces.triangles, near.surfaces.edges), strict=True):
+        before = tree.order.item.numpy()
+        near.build()
+        item = tree.order.item.numpy()
+        assert sorted(item) == sorted(before) and (item[len(table):] == -1).all() and sorted(item[:len(table)]) == [
+            *range(len(table))]
+        middle = near.frames.start.numpy()[table].mean(axis=1)
+        step = np.linalg.norm(np.diff(middle[item[:len(table)]], axis=0), axis=1)
+        assert np.median(step) < 1.5 * near.surfaces.edge

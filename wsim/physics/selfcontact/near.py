@@ -11,7 +11,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, search, tubes
 from wsim.model.structs import filled
-from wsim.physics.selfcontact.tree import Tree, curve
+from wsim.physics.selfcontact.tree import Order, Tree
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -22,7 +22,7 @@ EACH = 4               # pairs a point that there is room for at first
 AROUND = 12            # candidates a point that there is room for besides: those of a flat cloth
 EPOCHS = 1 << 16       # substeps that a frame has fewer of
 THREADS = 1 << 18      # that go through candidates on a GPU, at most
-REBUILT = 48           # frames after which trees are sorted anew: boxes of what has folded overlap
+SORTED = 8             # frames after which trees are sorted anew: boxes of what has folded overlap
 
 
 class Near:
@@ -47,7 +47,8 @@ class Near:
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
-        self.order = zeros(len(surfaces.points), dtype=int)      # of points that look
+        each = np.split(surfaces.points, [surfaces.own["points"], surfaces.free["points"]])
+        self.tips = [Order(model, surfaces, 2, [own]) for own in each if len(own)]          # points that look, bodies' first
         self.alone: Any = None                   # edges of bodies, where strands have edges as well
         if surfaces.own["edges"] < surfaces.free["edges"]:
             self.alone = model.upload(np.arange(surfaces.own["edges"]), int)
@@ -65,10 +66,11 @@ class Near:
     def _searches(self) -> list[tuple[int, wp.array, int, int]]:
         """(kind, points or edges that look, tree that they look into, 1: edges among themselves): no collider into another,
         and no strand into one."""
-        edges, own = self.trees[1].tree.item, self.order[:self.surfaces.own["points"]]
-        found = [(0, self.order, 0, 0), (1, edges, 1, 1)]
-        found += [(0, own, 2, 0), (1, edges if self.alone is None else self.alone, 3, 0)] if self.surfaces.obstacles else []
-        return [each for each in found if len(self.trees[each[2]].corners)]              # rods have edges alone
+        edges = self.trees[1].tree.item
+        found = [*((0, tips.item, 0, 0) for tips in self.tips), (1, edges, 1, 1)]
+        more = edges if self.alone is None else self.alone
+        found += [(0, self.tips[0].item, 2, 0), (1, more, 3, 0)] if self.surfaces.obstacles else []
+        return [each for each in found if self.trees[each[2]].number]            # rods have edges alone
 
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
@@ -101,16 +103,12 @@ class Near:
         self.sums.factor.fill_(1.0)
 
     def build(self) -> None:
-        """Trees over boxes where the points start, or anew over what they hold; not captured."""
+        """Sorts what looks and what is looked into, first by where points start; not captured."""
         if self.age == 0:
             self.frames.start.assign(self.surfaces.start(self.model).astype(self.model.dtype))
-        if self.age % REBUILT == 0:
-            x = self.frames.start.numpy()
-            for tree in self.trees:
-                tree.sort(x)
-            s = self.surfaces
-            each = np.split(s.points, [s.own["points"], s.free["points"]])
-            self.order.assign(np.concatenate([own[curve(x[own])] for own in each if len(own)]))
+        if self.age % SORTED == 0:
+            for order in (*self.tips, *(tree.order for tree in self.trees)):
+                order.sort(self.frames)
         self.age += 1
 
     def allow(self, rounds: int) -> None:

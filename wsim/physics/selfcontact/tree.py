@@ -14,19 +14,26 @@ if TYPE_CHECKING:
     from wsim.model.model import Model
     from wsim.physics.selfcontact.surfaces import Surfaces
 
-BITS = 20              # of a place along each axis of a curve
 EMPTY = 1e30           # of the boxes of empty leaves, which end before they begin [m]
 
 
-def curve(x: np.ndarray) -> np.ndarray:
-    """Order of places along a Morton curve, (n,). x: any unit, (n, 3)."""
-    low, size = x.min(axis=0, initial=np.inf), float(np.ptp(x, axis=0).max()) if len(x) else 0.0
-    cell = ((x - low) * (2.0**BITS - 1.0) / max(size, 1e-30)).astype(np.uint64)
-    key = np.zeros(len(x), np.uint64)
-    for bit in range(BITS):
-        for axis in range(3):
-            key |= ((cell[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
-    return np.argsort(key, kind="stable")
+class Order:
+    """Triangles (kind 0), edges (1) or points (2), in stretches of their own."""
+
+    def __init__(self, model: Model, surfaces: Surfaces, kind: int, rows: list[np.ndarray]):
+        """rows: of one length; -1: none."""
+        self.model, self.surfaces, self.kind, self.each = model, surfaces, kind, len(rows[0])
+        self.number = kernels.number(model.real, model.module)
+        own = np.concatenate(rows).astype(np.int32)
+        self.room = wp.array(np.concatenate([own, own]), dtype=int, device=model.device)        # twice: what sorting takes
+        self.key = wp.zeros(len(self.room), dtype=wp.int64, device=model.device)
+        self.item, self.bits = self.room[:len(own)], 3 * kernels.BITS + 1 + (len(rows) - 1).bit_length()
+
+    def sort(self, frames) -> None:
+        """By where points are in the last list; not captured."""
+        s, n = self.surfaces, len(self.item)
+        self.model.launch(self.number, n, [s.data, frames, self.kind, self.each, s.edge, self.item], [self.key])
+        wp.utils.radix_sort_pairs(self.key, self.room, n, end_bit=self.bits)
 
 
 class Tree:
@@ -36,23 +43,14 @@ class Tree:
         """kind: 0 of triangles, 1 of edges; span: those of the tables of surfaces."""
         self.model, self.surfaces, self.kind = model, surfaces, kind
         self.lay, self.join = kernels.lay(model.real, model.module), kernels.join(model.module)
-        table = (surfaces.triangles, surfaces.edges)[kind]
-        self.corners, self.first = table[span], span.start
-        self.world = surfaces.world[self.corners[:, 0]]
-        most = int(np.bincount(self.world, minlength=model.worlds).max(initial=1))
-        self.leaves = 1 << (most - 1).bit_length()
+        table = (surfaces.triangles, surfaces.edges)[kind][span]
+        self.number, world = len(table), surfaces.world[table[:, 0]]
+        own = [span.start + np.flatnonzero(world == k) for k in range(model.worlds)]
+        self.leaves = 1 << (max(max(map(len, own)), 1) - 1).bit_length()
+        self.order = Order(model, surfaces, kind, [np.pad(o, (0, self.leaves - len(o)), constant_values=-1) for o in own])
         boxes = np.tile(np.array([EMPTY, -EMPTY, EMPTY, -EMPTY], np.float32)[:, None], (model.worlds * 2 * self.leaves, 1, 3))
-        self.tree = filled(kernels.Tree, leaves=self.leaves, box=wp.array(boxes, dtype=kernels.Box, device=model.device),
-                           item=wp.full(model.worlds * self.leaves, -1, dtype=int, device=model.device))
-
-    def sort(self, x: np.ndarray) -> None:
-        """Leaves by where points are, (total, 3); not captured."""
-        item = np.full((self.model.worlds, self.leaves), -1, np.int32)
-        middle = x[self.corners].mean(axis=1)
-        for world, row in enumerate(item):
-            own = np.flatnonzero(self.world == world)
-            row[:len(own)] = self.first + own[curve(middle[own])]
-        self.tree.item.assign(item.ravel())
+        self.tree = filled(kernels.Tree, leaves=self.leaves, item=self.order.item,
+                           box=wp.array(boxes, dtype=kernels.Box, device=model.device))
 
     def fit(self, frames) -> None:
         """Boxes of all nodes, about tubes."""
