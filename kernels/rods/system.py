@@ -169,6 +169,8 @@ def pointing(kinds: tuple[str, ...], airy: bool, pressed: bool):
             if i < S.points[k]:
                 r = r + split(T.press[i, k], wp.float64(0.0))
                 D = add(D, T.stiff[i, k])
+                if T.given and S.hold[i, k] < 0:
+                    r = r + split(T.given[i, k], wp.float64(0.0))
         return D, r
 
     return point

@@ -70,6 +70,7 @@ class Trial:
     press: wp.array2d(dtype=wp.vec3d)               # force of other edges on a point [N]
     stiff: wp.array2d(dtype=wp.mat33d)              # its stiffness [N/m]
     along: wp.array2d(dtype=wp.mat33d)              # and that towards the next point
+    given: wp.array2d(dtype=wp.vec3d)               # force of surfaces on a point [N]; only where strands meet them
 
 
 @wp.struct

@@ -17,6 +17,7 @@ from wsim.kernels.math.real import types
 SCALE = 2.0 ** 50                        # of metres: sums are whole numbers of 1 / SCALE
 SHARES = 4096                            # of weights, rounded up: 1 / SHARES too many is a sweep that much shorter
 OVER = 1.6                               # over-relaxation of sweeps along normals, below 2
+STRANDS = 1 << 24                        # `body` of strands of rods, and of none else, is from here on
 # Words on the device: a search before the next solve; pairs are listed; projections go on; cuts go on; the round of either;
 # projections that a substep has at most; pairs without a proof; points out of their tubes; pairs that are let be, in this pass
 # and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
@@ -45,7 +46,7 @@ def surfaces(real):
         reach: wp.array(dtype=t.scalar)           # half of the thickness [m]
         friction: wp.array(dtype=t.vec2)          # static, dynamic
         rest: wp.array(dtype=t.vec3)              # place in the rest shape of the body [m]
-        body: wp.array(dtype=int)
+        body: wp.array(dtype=int)                 # negative: of a collider; from STRANDS on: a strand
         world: wp.array(dtype=int)
         beta: t.scalar                            # least radius of tubes [m]
         longest: t.scalar                         # that they lead ahead by, at most [m]

@@ -5,7 +5,8 @@ A pair is listed where its two sides, as far as their tubes lead (kernels/selfco
 keeps and the radii of its tubes: by where its points are half way, and how far they leave that beside the first. Pairs that
 share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides, and at most REST times its
 distance in the rest shape: what is near by construction is not pushed apart, so that a flat cloth less thick than a third of
-its edges lists no pairs. No pair whose tubes meet is left out for being near at rest.
+its edges lists no pairs. Strands of rods keep each other off by a law of their own (kernels/rods/touch.py): two of them keep
+nothing here, and are proven only. No pair whose tubes meet is left out for being near at rest.
 """
 
 from functools import cache
@@ -54,6 +55,8 @@ def listing(real):
         half = real(0.5) * real(f.lead[0])
         tubes = sides(kind, leaves(f, o, o, half), leaves(f, i, o, half), leaves(f, j, o, half), leaves(f, k, o, half))
         b = s.body[o]
+        if kind == closest.EDGES and wp.min(b, s.body[j]) >= pairs.STRANDS:
+            keep = real(0.0)
         same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
         c = f.start[o] + half * f.way[o]
         p1 = (f.start[i] + half * f.way[i]) - c

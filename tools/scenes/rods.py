@@ -1,9 +1,12 @@
-"""Example scenes of rods: hair on a shaken head, a knot that is pulled tight."""
+"""Example scenes of rods: hair on a shaken head, a knot that is pulled tight, a rope that falls into a cloth."""
 
 import numpy as np
 
+from tools.scenes.cloth import cloth
+from tools.scenes.cloth import material as fabric
 from tools.scenes.soft import eased, samples
 from tools.usda import block, listed, number, pin, said, scene, settings, solid
+from wsim.scene import shapes
 
 STRANDS, POINTS, FOLLOWERS = 100, 18, (260, 9)
 HEAD, RADIUS, LENGTH = np.array([0.0, 0.3, 0.0]), 0.1, 0.24
@@ -79,7 +82,11 @@ def overhand(edge: float) -> np.ndarray:
     tail = np.stack([np.cumsum(np.cos(angle)) * s[0], np.cumsum(np.sin(angle)) * s[0],
                      body[-1, 2] * (0.5 + 0.5 * np.cos(np.pi * np.minimum(0.5 * s, 1.0)) - 1.0)], axis=1)
     right = body[-1] + tail
-    curve = 0.05 * np.concatenate([(right * (-1.0, 1.0, -1.0))[::-1], body, right])
+    return evenly(0.05 * np.concatenate([(right * (-1.0, 1.0, -1.0))[::-1], body, right]), edge)
+
+
+def evenly(curve: np.ndarray, edge: float) -> np.ndarray:
+    """A curve (m, 3) in edges of that length or a little more [m], (n, 3)."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
     places = np.linspace(0.0, along[-1], int(along[-1] / edge) + 1)
     return np.stack([np.interp(places, along, curve[:, c]) for c in range(3)], axis=1)
@@ -129,4 +136,34 @@ def untwisted(x: np.ndarray) -> np.ndarray:
     return np.array([*found, found[-1]])
 
 
-ROD_SCENES = {"shaken_head": shaken_head, "rope_knot": rope_knot}
+def rope_on_cloth() -> str:
+    thick, cells, side = 0.014, 24, 0.6
+    surface = shapes.sheet(side, side, cells, cells, horizontal=True, at=(0.0, 0.5, 0.0))
+    last = cells * (cells + 1)
+    corners = [k for c, row, beside in ((0, 1, 1), (cells, 1, -1), (last, -1, 1), (last + cells, -1, -1))
+               for k in (c, c + beside, c + row * (cells + 1))]
+    s = np.linspace(0.0, 1.0, 2000)
+    turn, radius = 2.0 * np.pi * 2.2 * s, 0.07 + 0.1 * s                              # a loose coil, which rises
+    x = evenly(np.stack([radius * np.cos(turn), 0.58 + 0.12 * s, radius * np.sin(turn)], axis=1), 0.02)
+    curves = "\n".join([
+        'uniform token type = "linear"', f"int[] curveVertexCounts = [{len(x)}]", f"point3f[] points = {listed(x.round(5))}",
+        f'float[] widths = [{thick}] (interpolation = "constant")', f"float[] physics:thicknesses = [{thick}]    # m",
+        said("Rods", 1.0, self_collision=True), "rel material:binding:physics = </World/cord>",
+        "color3f[] primvars:displayColor = [(0.78, 0.6, 0.32)]"])
+    cord = block("Material", "cord", "\n".join([
+        said("RodMaterial", 1.0, young=5e6, poisson=0.3, bend=2e-4, twist=2e-4),
+        said("Friction", 1.0, density=900.0, static_friction=0.4, dynamic_friction=0.4)]),
+        '["PhysicsMaterialAPI", "PhysicsCurvesDeformableMaterialAPI"]')
+    return scene("A coil of rope falls into a cloth that hangs by its corners.", [
+        settings(solver="xpbd", substeps=16, iterations=6, air_drag=0.5), cord, fabric("cotton", damping=1e-4),
+        cloth("Cloth", surface, "cotton", (0.3, 0.42, 0.6), "60 x 60 cm. wsim:selfCollision: rods that say so too do not pass "
+              "through it.", self_collision=True),
+        block("BasisCurves", "Rope", curves,
+              '["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "WsimRodsAPI", "MaterialBindingAPI"]',
+              "1.7 m, 14 mm thick. wsim:selfCollision: it passes neither through the cloth nor through itself."),
+        block("Xform", "Frame", "", comment="What the corners hang on."),
+        pin("Corners", "/World/Cloth", corners, "/World/Frame", "All four, three points of each."),
+    ], frames=72)
+
+
+ROD_SCENES = {"shaken_head": shaken_head, "rope_knot": rope_knot, "rope_on_cloth": rope_on_cloth}

@@ -38,9 +38,11 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
                           "animate the prim, not its points")
     if np.any(scene.wind) and not (rods.drag or rods.skin_drag):
         yield warning(path, "strands do not feel the wind: drag and skin_drag are 0", "numbers > 0", "author wsim:drag")
-    if scene.bodies() or scene.things("Body"):
-        yield warning(path, "strands pass through cloth, soft bodies and rigid bodies", "colliders",
-                      "give what they shall meet as a collider")
+    through = [b.path for b in scene.bodies() if not (rods.self_collision and getattr(b, "self_collision", False))]
+    if through := [*through, *(b.path for b in scene.things("Body"))]:
+        yield warning(path, f"strands pass through {', '.join(through[:3])}{', ...' * (len(through) > 3)}",
+                      "colliders, or cloth and soft bodies that collide as strands do",
+                      "give wsim:selfCollision to both, or what they shall meet as a collider")
 
 
 def _arrays(rods: Rods) -> Iterator[Problem]:

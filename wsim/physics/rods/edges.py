@@ -41,7 +41,7 @@ class Edges:
     """Rods that say so touch themselves and each other, as `Surfaces` do."""
 
     def __init__(self, table: Table, ground: Ground):
-        self.table, m = table, table.strands
+        self.table, self.ground, m = table, ground, table.strands
         on = np.zeros(m, bool)
         for own, (rods, _) in zip(table.own, table.pairs, strict=True):
             on[own] = rods.self_collision
@@ -52,7 +52,7 @@ class Edges:
         first = np.flatnonzero(behind)
         self.edges = np.stack([first, first + m], axis=1).astype(np.int32)
         self.triangles = np.zeros((0, 3), np.int32)
-        self.free = {"points": len(self.points), "edges": len(self.edges), "triangles": 0}
+        self.own = self.free = {"points": len(self.points), "edges": len(self.edges), "triangles": 0}
         self.obstacles, self.total = None, ground.points
         self.strand = np.tile(np.arange(m), table.longest).astype(np.int32)
         self.worlds_of = np.repeat([world for _, world in table.pairs], [own.stop - own.start for own in table.own])

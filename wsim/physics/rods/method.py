@@ -17,6 +17,7 @@ from wsim.model.structs import filled
 from wsim.physics.rods.colliders import Obstacles
 from wsim.physics.rods.tables import Table
 from wsim.scene import Scene
+from wsim.scene.methods import touches
 from wsim.scene.samples import Points, Sample
 
 FIELDS = (Field("x", "m", True, "position relative to the strand's first point at the start", "vec3d"),
@@ -53,7 +54,8 @@ def airy(scene: Scene) -> bool:
 
 
 class Strands(Method):
-    """`table`: strands of all rods and worlds. touching: what they touch themselves and each other by, None where none does."""
+    """`table`: strands of all rods and worlds. touching: what they touch themselves and each other by, None where none does;
+    among: what they meet surfaces by, likewise."""
 
     threads = THREADS
 
@@ -62,16 +64,20 @@ class Strands(Method):
         self.model, device = b.model, b.model.device
         rods = b.scene.things("Rods")
         self.table = t = Table([(each, world) for world in range(b.model.worlds) for each in rods])
-        self.shortest = max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
+        touching = any(rods.self_collision for rods in b.scene.things("Rods"))
+        meeting = bool(touching and touches(b.scene) and b.model.bodies)       # surfaces: in their substeps
+        if meeting:
+            from wsim.physics.rods.among import refuse
+            refuse(b.scene, b.clock)
+        self.shortest = 1 if meeting else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
         self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)
         names = self.obstacles.kinds
-        touching = any(rods.self_collision for rods in b.scene.things("Rods"))
-        self.airy = airy(b.scene)
+        self.airy, self.among = airy(b.scene), None      # type: bool, Any
         apart = not touching and (self.model.device.is_cuda if APART is None else APART)
-        own = module(names, self.airy, touching, apart)
+        own = module(names, self.airy, touching, apart) + "_among" * meeting
         b.model.modules[own] = THREADS
-        self._allocate(b)
+        self._allocate(b, meeting)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
         self.trial = self._trial()
         self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
@@ -79,28 +85,38 @@ class Strands(Method):
         self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
         if self.airy:
             self._breathe(b.scene)
+        if meeting:
+            from wsim.physics.rods.among import Among
+            self.among = Among(self, own)
+            self.stages, self.offers = self.among.stages, {"strands": self.among}
+        else:
+            self.stages = [self._stage(own, apart)]
+
+    def _stage(self, own: str, apart: bool) -> Stage:
+        """The stage that is a frame. own: name of the module of kernels; apart: a launch for each part of an iteration."""
+        t = self.table
         points = sum(len(r.points) for r, _ in t.pairs)
         what = f"{t.strands} strands of {points} points, {self.substeps} substeps of "
         if self.touching:
-            self.stages.append(Stage("rods", "predict", self.touching.advance, 30 * self.substeps, self.part.bytes, "frame",
-                                     what + "BDF2, or backward Euler where they touch, float64; contact of edges, and a proof"))
-            return
+            return Stage("rods", "predict", self.touching.advance, 30 * self.substeps, self.part.bytes, "frame",
+                         what + "BDF2, or backward Euler where they touch, float64; contact of edges, and a proof")
         if apart:
             from wsim.physics.rods.apart import Apart
-            self.stages.append(Stage("rods", "predict", Apart(self, own, self.model.device).advance, 30 * self.substeps,
-                                     self.part.bytes, "frame", what + "BDF2, float64"))
-            return
-        self.kernel = strands(names, self.airy, own)
-        self.stages.append(Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame",
-                                 what + "BDF2 in one launch, float64"))
+            return Stage("rods", "predict", Apart(self, own, self.model.device).advance, 30 * self.substeps, self.part.bytes,
+                         "frame", what + "BDF2, float64")
+        self.kernel = strands(self.obstacles.kinds, self.airy, own)
+        return Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame", what + "BDF2 in one launch, float64")
 
     def _touching(self, name: str, status: Status) -> Any:
         from wsim.physics.rods.touch import Touching
         return Touching(self, name, status, self.model.device)
 
-    def _allocate(self, b) -> None:
-        t, device = self.table, self.model.device
-        self.part = Part.allocate("rods", FIELDS, t.longest * t.strands, self.model.real, device)
+    def _allocate(self, b, meeting: bool) -> None:
+        t, device, more = self.table, self.model.device, ()           # type: Any, Any, tuple[Field, ...]
+        if meeting:
+            from wsim.physics.rods.among import PUSH
+            more = PUSH
+        self.part = Part.allocate("rods", FIELDS + more, t.longest * t.strands, self.model.real, device)
         self.part.rows = {(rods.path, world): place for (rods, world), place in zip(t.pairs, t.place, strict=True)}
         for name, values in (("x", t.x), ("v", t.v), ("d", t.d), ("u", t.v), ("phi", t.phi[..., None])):
             self.part.arrays[name].assign(values.reshape(-1, values.shape[-1]).squeeze(-1) if name == "phi" else
@@ -179,6 +195,8 @@ class Strands(Method):
         """Positions [m] and velocities [m/s] of rods k, world, (n, 3) float64, in the author's order."""
         place = self.table.place[k]
         x, v = (self.part.arrays[name].numpy()[place] for name in ("x", "v"))
+        if self.among:
+            v = v + self.among.kick.numpy()[place]
         return x + self.table.origin[place % self.table.strands], v
 
     def samples(self, world: int = 0) -> list[Sample]:

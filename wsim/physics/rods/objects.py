@@ -40,7 +40,7 @@ class Rods(Compared):
     dynamic_friction    coefficient of friction of a contact that slides [1]
     drag                drag coefficient of the air across an edge, on its length times its diameter [1]
     skin_drag           drag coefficient along it, on its surface [1]
-    self_collision      True: its strands pass neither through themselves nor through others that say so
+    self_collision      True: its strands pass neither through themselves, nor other strands, cloth and soft bodies that say so
     pins                `Pin`s of its points
     """
 

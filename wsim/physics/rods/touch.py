@@ -96,19 +96,25 @@ class Touching:
     # substeps
 
     def advance(self, clock: Clock) -> None:
+        self.begin_frame(clock)
+        for k in range(self.strands.substeps):
+            self.solve(k)
+            self.close(k)
+
+    def begin_frame(self, clock: Clock) -> None:
+        """What all substeps of a frame read."""
         s = self.strands
         s.said.zero_()
         self.h, self.motion, Q = clock.dt / s.substeps, s.moving(), s.part.arrays
         self.at = filled(states(wp.float64), x=Q["x"], e=self.none, d=self.d, a=self.none)
         self.way = filled(touch.Way, x=s.trial.x.reshape(-1), x0=Q["x"], v=Q["v"], h=self.h)
-        for k in range(s.substeps):
-            self.substep(k)
 
     def each(self, kernel, inputs: list, outputs: list) -> None:
         """Launches a kernel over all strands."""
         self.ground.launch(kernel, self.table.strands, inputs, outputs)
 
-    def substep(self, k: int) -> None:
+    def solve(self, k: int) -> None:
+        """Displacements of a substep, proven."""
         s, near, G, T, Q = self.strands, self.near, self.group, self.strands.trial, self.motion
         self.each(self.begin, [s.strands, s.holds, Q, T, G, self.h, k], [])
         self.each(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
@@ -118,6 +124,10 @@ class Touching:
         wp.capture_while(self.word(coupled.GOING), lambda: self.newton(k))
         self.each(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
         self.guarantee.keep(self.at, self.d, self.again, self.said)
+
+    def close(self, k: int) -> None:
+        """The end of a substep, by displacements d."""
+        s, near, G, T, Q = self.strands, self.near, self.group, self.strands.trial, self.motion
         self.each(self.settle, [s.strands, Q, self.d.reshape(T.x.shape)], [T, G])
         wp.capture_if(near.word(pairs.NEAR), self.hold)
         self.each(self.end, [s.strands, s.obstacles.table, Q, T, self.pressed, G, filled(Step, h=self.h, at=k)], [s.said])

@@ -4,7 +4,8 @@ A frame is looked at as a whole where it ends. Every point went from where it be
 was empty, and points are in the tubes that it was made with (kernels/selfcontact/tubes.py), no surfaces have met on straight
 ways beside the common motion. Points that have left their tubes ask for a list along the ways of the frame; where that is
 empty, the frame holds too. Else it is repeated with all stages. An explicit integrator on which nothing else acts takes such
-frames whole. Mesh colliders that move turn as they like within a frame: then all frames have all stages.
+frames whole. Mesh colliders that move turn as they like within a frame: then all frames have all stages, and so they have
+where strands of rods take part.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ class Apart:
         """The form that a frame takes first; colliders have had their say."""
         o = self.method.obstacles
         apart = not busy and not clock.starting and not (o and o.moves)      # straight ways are not those of what turns
+        apart = apart and not self.method.strands                            # whose substeps these are
         contact = self.model.scene.colliders
         clock.free = apart and (clock.free or not contact)
         if self.whole:
@@ -58,8 +60,8 @@ class Apart:
         near, s = self.method.near, self.state
         self.model.launch(self.way, self.model.points, [self.x, s.x, s.e], [self.d])
         at = filled(states(self.model.real), x=self.x, e=self.e, d=self.d, a=self.e)
-        if self.method.obstacles:
-            at = self.method.obstacles.borrow(at)
+        if self.method.surfaces.state:
+            at = self.method.surfaces.borrow(self.model, at)
         near.move(at, 0)
         near.look(at)
         wp.capture_if(near.word(pairs.OUT), lambda: near.search(at, 1))

@@ -62,7 +62,8 @@ class SelfContact(Method):
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
-        self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"))
+        self.strands = b.methods.find("strands")
+        self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
         self.obstacles = self.surfaces.obstacles
         self.reports = reports(self.surfaces)
         self.near = Near(b.model, self.surfaces)
@@ -78,6 +79,8 @@ class SelfContact(Method):
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         if self.obstacles:
             what += f"; {len(self.obstacles.triangles)} triangles are colliders'"
+        if self.strands:
+            what += f"; {len(self.strands.edges)} edges are strands'"
         self.stages = [
             Stage("near pairs", "collide", self.find, 1, 0, what=what),
             Stage("self-contact", "solve", self.touch, 3 * self.sweeps, 0, "iteration" if within else "substep", "near pairs"),
@@ -104,17 +107,17 @@ class SelfContact(Method):
         self.settle.meet(others)
 
     def at(self):
-        """The same, with colliders."""
-        return self.obstacles.state if self.obstacles else self.own()
+        """The same, with strands and colliders."""
+        return self.surfaces.state or self.own()
 
     def borrow(self) -> None:
-        if self.obstacles:
-            self.obstacles.borrow(self.own())
+        if self.surfaces.state:
+            self.surfaces.borrow(self.model, self.own())
 
     def give(self) -> None:
-        """What colliders' company has moved, back to the state."""
-        if self.obstacles:
-            self.model.launch(self.obstacles.hand, self.model.points, [self.obstacles.state.d], [self.state.d])
+        """What this company has moved, back to the state."""
+        if s := self.surfaces.state:
+            self.model.launch(self.surfaces.hand, self.model.points, [s.d], [self.state.d])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """static_friction, dynamic_friction of a body or a collider."""
@@ -125,7 +128,9 @@ class SelfContact(Method):
         import warp as wp
         if self.obstacles:
             self.obstacles.move(clock)
-            self.borrow()
+        if self.strands:
+            self.strands.lend()
+        self.borrow()
         wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at(), begins=1))
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(self.at()))
 
@@ -185,6 +190,8 @@ class SelfContact(Method):
             self.near.search(self.at())
             self.guarantee.begin(self.at())
         self.borrow()
+        if self.strands:
+            self.strands.pushes()
         self.guarantee.keep(self.at(), self.at().d, again, self.said)
         self.give()
         self.settle.settle(clock)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -47,8 +47,11 @@ class Near:
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
-        own, theirs = np.split(surfaces.points, [surfaces.free["points"]])
-        self.tips = [Order(model, surfaces, 2, [each]) for each in (own, theirs) if len(each)]       # points that look
+        each = np.split(surfaces.points, [surfaces.own["points"], surfaces.free["points"]])
+        self.tips = [Order(model, surfaces, 2, [own]) for own in each if len(own)]          # points that look, bodies' first
+        self.alone: Any = None                   # edges of bodies, where strands have edges as well
+        if surfaces.own["edges"] < surfaces.free["edges"]:
+            self.alone = model.upload(np.arange(surfaces.own["edges"]), int)
         self.trees = [Tree(model, surfaces, kind, span) for kind, span in self._spans()]
         self.age = self.rounds = 0
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
@@ -61,10 +64,12 @@ class Near:
         return own + [(kind, slice(free[name], None)) for kind, name in found if self.surfaces.obstacles]
 
     def _searches(self) -> list[tuple[int, wp.array, int, int]]:
-        """(kind, points or edges that look, tree that they look into, 1: edges among themselves): no collider into another."""
+        """(kind, points or edges that look, tree that they look into, 1: edges among themselves): no collider into another,
+        and no strand into one."""
         edges = self.trees[1].tree.item
         found = [*((0, tips.item, 0, 0) for tips in self.tips), (1, edges, 1, 1)]
-        found += [(0, self.tips[0].item, 2, 0), (1, edges, 3, 0)] if self.surfaces.obstacles else []
+        more = edges if self.alone is None else self.alone
+        found += [(0, self.tips[0].item, 2, 0), (1, more, 3, 0)] if self.surfaces.obstacles else []
         return [each for each in found if self.trees[each[2]].number]            # rods have edges alone
 
     def room(self, capacity: int) -> None:

@@ -13,10 +13,7 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry import primitives
-from wsim.kernels.math.real import types
-from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import obstacles as kernels
-from wsim.model.structs import filled
 from wsim.scene import Box, Surface
 
 if TYPE_CHECKING:
@@ -66,10 +63,10 @@ class Obstacles:
     """each: the colliders; first: place of the first of their points; body, world, reach, friction, triangles: columns of what
     stands behind that of the state."""
 
-    def __init__(self, model: Model, contacts: Contacts, each: list[Obstacle], bodies: list[Body]):
-        """bodies: surfaces, whose first origin is that of all."""
+    def __init__(self, model: Model, contacts: Contacts, each: list[Obstacle], bodies: list[Body], first: int):
+        """bodies: surfaces, whose first origin is that of all. `state` is given by `Surfaces`."""
         self.model, self.contacts, self.each, self.base = model, contacts, each, bodies[0].origin
-        self.first = model.points
+        self.first, self.state = first, None               # type: int, Any
         rows, of = contacts.rows, {b.world: b.number for b in reversed(bodies)}
         start, blocks = self.first, []
         for o in each:
@@ -92,10 +89,7 @@ class Obstacles:
 
     def _allocate(self) -> None:
         real, device = self.model.real, self.model.device
-        t = types(real)
-        self.place, self.lend = kernels.place(real, self.model.module), kernels.lend(real, self.model.module)
-        self.hand = kernels.hand(real, self.model.module)
-        self.state = filled(states(real), **{k: wp.zeros(self.total, dtype=t.vec3, device=device) for k in "xeda"})
+        self.place = kernels.place(real, self.model.module)
         self.own = [wp.array(np.tile(o.own, self.model.worlds), dtype=int, device=device) for o in self.each]
         self.track = [None if o.forms else wp.array(o.points[None], dtype=wp.vec3f, device=device) for o in self.each]
         self.M = wp.zeros((len(self.each), 2), dtype=wp.mat44d, device=device)
@@ -152,8 +146,3 @@ class Obstacles:
         for k in range(len(self.each)):
             if self._goes(k):
                 self._place(k, clock.k, 1.0 - clock.g / clock.h)
-
-    def borrow(self, at):
-        """State with colliders, of that of free points."""
-        self.model.launch(self.lend, self.first, [at], [self.state])
-        return self.state

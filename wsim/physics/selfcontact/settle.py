@@ -61,7 +61,7 @@ class Settle:
     def combine(self, a: float, x: wp.array, b: float, y: wp.array, out: wp.array, colliders: bool = False) -> None:
         """out = a x + b y, of points of surfaces. colliders: of theirs, too."""
         s = self.method.surfaces
-        count = len(s.points) if colliders else s.free["points"]
+        count = len(s.points) if colliders else s.own["points"]
         self.model.launch(self.kernels["combine"], count, [s.data.point, a, x, b, y], [out])
 
     def add(self, v: wp.array) -> None:
@@ -139,6 +139,8 @@ class Settle:
         """Behind leapfrog's last half kick; change: what others changed velocities by in the last substep."""
         if self.clock.free:
             return
+        if self.method.strands:
+            self.method.strands.kick.zero_()
         self.combine(1.0, change, -1.0, self.given, change)
         if self.clock.substeps > 1:
             earlier = self.earlier()
@@ -149,7 +151,11 @@ class Settle:
         """Contacts take back their part of the kick."""
         s = self.state
         self.combine(1.0, s.v, -1.0, s.b, self.v)
+        if self.method.strands:
+            self.method.strands.still(self.v)            # no kick, but their part of what contacts take back
         self.pairs("give", [self.method.surfaces.data, self.method.at(), self.aims, 1.0], [self.method.near.sums])
         self.add(self.v)
         self.sweep(self.v)
         self.combine(1.0, s.b, 1.0, self.v, s.v)
+        if self.method.strands:
+            self.method.strands.read(self.v)

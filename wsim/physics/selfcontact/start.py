@@ -30,7 +30,23 @@ def reports(surfaces: Surfaces) -> list[str]:
     bodies = [b for b in surfaces.bodies if b.world == 0]
     _crowded(bodies, surfaces)
     found = [text for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces))]
-    return [*_crossed(bodies, surfaces), *found]
+    return [*_crossed(bodies, surfaces), *_pierced(bodies, surfaces), *found]
+
+
+def _pierced(bodies: list[Body], surfaces: Surfaces) -> list[str]:
+    """Edges of strands that meet triangles, by the exact test: an edge is a triangle that has one point twice."""
+    s, own = surfaces.strands, surfaces.own
+    if not s:
+        return []
+    edges, triangles = surfaces.edges[own["edges"]:surfaces.free["edges"]], surfaces.triangles[:own["triangles"]]
+    edges, triangles = (each[surfaces.world[each[:, 0]] == 0] for each in (edges, triangles))
+    x = surfaces.start(s.model)
+    found = crossings(x, np.concatenate([edges[:, [0, 1, 1]], triangles]), neighbours=False, own=len(edges))
+    found = found[found[:, 1] >= len(edges)] - (0, len(edges))
+    where = [f"{s.path(int(edges[i, 0]))} and {next(b.path for b in bodies if triangles[t, 0] < b.last)} at "
+             f"({', '.join(f'{v:.4g}' for v in x[edges[i]].mean(axis=0) + surfaces.base)}) m" for i, t in found[:NAMED]]
+    return [f"{len(found)} edges of rods go through triangles where they start, such as {'; '.join(where)}: they stay crossed "
+            "where nothing takes them apart; move them apart there"] if where else []
 
 
 def _crowded(bodies: list[Body], surfaces: Surfaces) -> None:

@@ -9,6 +9,8 @@ import warp as wp
 
 from wsim.geometry import topology
 from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import obstacles as company
 from wsim.kernels.selfcontact import pairs as kernels
 from wsim.kernels.selfcontact.tubes import LONG
 from wsim.model.structs import filled
@@ -33,11 +35,13 @@ def touching(model: Model) -> list[Body]:
 
 
 class Surfaces:
-    """data: struct of the tables. triangles, edges, points: places, those of colliders last; free: how many of each are no
-    collider's; world: of each point; obstacles: colliders, or None; total: number of places, with theirs."""
+    """data: struct of the tables. triangles, edges, points: places, those of bodies first, then those of strands, those of
+    colliders last; own: how many of each are bodies', free: no collider's; world: of each point; strands: of rods
+    (`wsim.physics.rods.among.Among`), obstacles: colliders, or None; total: number of places, with theirs; state: of all of
+    them, or None where bodies are all there is."""
 
-    def __init__(self, model: Model, w: wp.array, contacts: Contacts | None = None):
-        """w: inverse masses [1/kg] of all points. Raises SceneError for a body without a triangle."""
+    def __init__(self, model: Model, w: wp.array, contacts: Contacts | None = None, strands: Any = None):
+        """w: inverse masses [1/kg] of all points of bodies. Raises SceneError for a body without a triangle."""
         self.bodies = touching(model)
         self.triangles = model.shared(np.concatenate([b.triangles for b in self.bodies])).astype(np.int32)
         if none := [b.path for b in self.bodies if not len(b.triangles)]:
@@ -45,23 +49,56 @@ class Surfaces:
                                             "at least one triangle") for path in none])
         self.edges = topology.edges(self.triangles).astype(np.int32)
         self.points = np.unique(self.triangles).astype(np.int32)
-        self.free = {"triangles": len(self.triangles), "edges": len(self.edges), "points": len(self.points)}
-        self.base, self.total = self.bodies[0].origin, model.points
+        self.own = self._counts()
+        self.base, self.total, self.state = self.bodies[0].origin, model.points, None     # type: Any, int, Any
         self.world = np.repeat([b.world for b in model.bodies], [b.count for b in model.bodies]).astype(np.int32)
         self.reach, self.edge = self._reach(model)
         self.thickness = 2.0 * float(self.reach[self.points].max())
-        self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)
+        self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)       # thick ropes are few: theirs widen
+        self.w, self.strands = w, strands
+        if strands:
+            self._join(strands)
+        self.free = self._counts()
         met = obstacles.met(model, contacts)
-        self.obstacles = Obstacles(model, contacts, met, self.bodies) if contacts and met else None
-        self.w = w
+        self.obstacles = Obstacles(model, contacts, met, self.bodies, self.total) if contacts and met else None
         if self.obstacles:
             self._meet(self.obstacles)
+        if self.total > model.points:
+            self._accompany(model)
         self.data = self._upload(model)
+
+    def _counts(self) -> dict[str, int]:
+        return {"triangles": len(self.triangles), "edges": len(self.edges), "points": len(self.points)}
+
+    def _join(self, strands: Any) -> None:
+        """Appends what strands have: no triangles."""
+        strands.join(self, self.total)
+        self.points = np.concatenate([self.points, self.total + np.arange(strands.points, dtype=np.int32)])
+        self.edges = np.concatenate([self.edges, self.total + strands.edges])
+        self.total += strands.points
+        self.world, self.reach = np.concatenate([self.world, strands.world]), np.concatenate([self.reach, strands.reach])
+        self.thickness = max(self.thickness, 2.0 * float(strands.reach.max()))
+
+    def _accompany(self, model: Model) -> None:
+        """Arrays of bodies' points and those behind them."""
+        real, device, first = model.real, model.device, model.points
+        w = np.zeros(self.total)
+        if self.strands:
+            w[first:first + self.strands.points] = self.strands.w
+        self.w = model.upload(w.astype(model.dtype), real)
+        self.state = filled(states(real), **{k: wp.zeros(self.total, dtype=types(real).vec3, device=device) for k in "xeda"})
+        self.lend, self.hand = company.lend(real, model.module), company.hand(real, model.module)
+        if self.obstacles:
+            self.obstacles.state = self.state
+
+    def borrow(self, model: Model, at: Any) -> Any:
+        """State of all, of that of the bodies' points."""
+        model.launch(self.lend, model.points, [at], [self.state])
+        return self.state
 
     def _meet(self, o: Obstacles) -> None:
         """Appends what colliders have."""
         self.total = o.total
-        self.w = wp.zeros(self.total, dtype=self.w.dtype, device=self.w.device)
         self.triangles = np.concatenate([self.triangles, o.triangles])
         self.edges = np.concatenate([self.edges, topology.edges(o.triangles).astype(np.int32)])
         self.points = np.concatenate([self.points, o.points])
@@ -85,7 +122,7 @@ class Surfaces:
 
     def weigh(self, w: wp.array) -> None:
         """Inverse masses as they are now; not captured."""
-        if self.obstacles:
+        if self.state:
             wp.copy(self.w, w, count=len(w))
 
     def _reach(self, model: Model) -> tuple[np.ndarray, float]:
@@ -108,8 +145,12 @@ class Surfaces:
             ("far", [b.origin - m[:3, 3] for b, m in zip(model.bodies, frames, strict=True)]),
             ("unit", [WRITTEN * np.linalg.cond(m[:3, :3]) for m in frames]),
             ("friction", [b.friction for b in model.bodies]))}}
+        if self.strands:
+            r, zero = self.strands, np.zeros((self.strands.points, 3))
+            more = {"rest": r.start() if tied else r.along, "shift": zero, "far": zero, "friction": r.friction, "unit": r.unit}
+            found = {name: np.concatenate([values, more[name]]) for name, values in found.items()}
         if self.obstacles:
-            o, n = self.obstacles, self.total - model.points
+            o, n = self.obstacles, self.total - self.obstacles.first
             more = {"rest": o.start(), "shift": np.zeros((n, 3)), "far": np.zeros((n, 3)), "friction": o.friction,
                     "unit": np.full(n, obstacles.STEPS * WRITTEN)}
             found = {name: np.concatenate([values, more[name]]) for name, values in found.items()}
@@ -119,7 +160,8 @@ class Surfaces:
         t = types(model.real)
         dtypes = {"rest": t.vec3, "shift": t.vec3, "far": t.vec3, "friction": t.vec2, "unit": t.scalar}
         body = np.repeat([b.number for b in model.bodies], [b.count for b in model.bodies]).astype(np.int32)
-        body = np.concatenate([body, self.obstacles.body]) if self.obstacles else body
+        body = np.concatenate([body, *(kernels.STRANDS + s.strand for s in [self.strands] if s),
+                               *(o.body for o in [self.obstacles] if o)]).astype(np.int32)
         return filled(
             kernels.surfaces(model.real), w=self.w, point=model.upload(self.points, int),
             triangle=model.upload(self.triangles, wp.vec3i), edge=model.upload(self.edges, wp.vec2i),
@@ -141,4 +183,4 @@ class Surfaces:
     def start(self, model: Model) -> np.ndarray:
         """Where all points begin, from the origin that surfaces share [m], (total, 3)."""
         own = np.concatenate([b.places + (b.origin - self.base) for b in model.bodies])
-        return np.concatenate([own, self.obstacles.start()]) if self.obstacles else own
+        return np.concatenate([own, *(each.start() for each in (self.strands, self.obstacles) if each)])
