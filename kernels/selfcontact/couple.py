@@ -48,14 +48,19 @@ def couple(real):
 
     @wp.func
     def lever(r: points):
-        J = t.mat33()
+        x, y, z = t.vec3(), t.vec3(), t.vec3()             # rows of J
         for k in range(4):
             p = r[k]
-            J += wp.dot(p, p) * wp.identity(n=3, dtype=real) - wp.outer(p, p)
-        mean = wp.trace(J) / real(3.0)
-        if wp.determinant(J) <= real(THIN) * mean * mean * mean:
+            size = wp.dot(p, p)
+            x += t.vec3(size - p[0] * p[0], -p[0] * p[1], -p[0] * p[2])
+            y += t.vec3(-p[1] * p[0], size - p[1] * p[1], -p[1] * p[2])
+            z += t.vec3(-p[2] * p[0], -p[2] * p[1], size - p[2] * p[2])
+        mean = (x[0] + y[1] + z[2]) / real(3.0)
+        cofactor = wp.cross(y, z)
+        determinant = wp.dot(x, cofactor)
+        if determinant <= real(THIN) * mean * mean * mean:
             return t.mat33()
-        return wp.inverse(J)
+        return wp.matrix_from_rows(cofactor, wp.cross(z, x), wp.cross(x, y)) / determinant     # J is symmetric
 
     @wp.func
     def turn(K: t.mat33, r: points, d: points):
