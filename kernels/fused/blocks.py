@@ -1,8 +1,8 @@
 """Meetings of the blocks of kernels/fused/sheet.py, and places that they send each other, in CUDA (sm_90 and up).
 
     a cluster  stores into another block's shared memory, which count on its barrier (st.async, mbarrier: PTX ISA 8.1): a block
-               waits for its threads and its neighbours, 0.25 us instead of the 0.8 that a barrier of 16 blocks takes (H100). What
-               arrives stands in its own shared memory: it acquires as a block does, which spares the cache of first level
+               waits for its threads and its neighbours, 0.25 us instead of the 0.8 that a barrier of 16 blocks takes (H100).
+               What arrives stands in its own shared memory: it acquires as a block does, which spares the cache of first level
     a grid     stores into global memory, 16 bytes at once (b128: PTX ISA 8.3), of which the last four say the substep: whoever
                waits for a place reads it until it is there. No fence, which would empty the cache of first level
 """
