@@ -1,6 +1,6 @@
 """Rods on the device: the part "rods", a row a point of each strand of every world, in float64 whatever the precision of a
 simulation is: strains are differences of positions of 1e-9 of a strand's length. All substeps of a frame are one launch, a
-thread a strand (kernels/rods/march.py), on a GPU many (apart.py)."""
+thread a strand (kernels/rods/march.py); on a GPU a launch for each part of an iteration (apart.py)."""
 
 import math
 from typing import Any
