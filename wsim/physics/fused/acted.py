@@ -3,6 +3,7 @@ soft pins, tethers. See kernels/fused/contact.py."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,8 @@ class ActedFrames:
         c = self.contact.contacts if self.contact else None
         acts = Acts(c.kinds if c else (), bool(c and c.meshes), bool(c and self.contact.bounce), bool(self.pins),
                     bool(self.tethers))
+        if c and not (acts.listed or acts.throws or acts.pinned or acts.tethered) and c.rows.most <= plan.lanes:
+            acts = replace(acts, lanes=plan.lanes)
         self.kernel = acted(model.real, model.module_of(plan.threads), plan, self.pull.damped, acts)
 
     def whole(self, clock: Clock):
