@@ -5,9 +5,9 @@
     projected   kernels/contact/project.py, contacts in the order of colliders, in registers
     corrected   as kernels/fused/contact.py does
 
-A collider is left alone as long as its gap, where a point was when it last looked, is more than what the point has moved since
-in the collider's frame: `far` [m] is what is left of it, less rounding. So most points look at nothing, and those that do at one.
-All threads of a point know where it goes; slots are written in the last substep, for reports.
+A collider is left alone as long as its gap, where a point was when it last looked, is more than what the point has moved
+since in the collider's frame: `far` [m] is what is left of it, less rounding. So most points look at nothing, and those that do
+at one. All threads of a point know where it goes; slots are written in the last substep, for reports.
 """
 
 from functools import cache
@@ -107,8 +107,8 @@ def looking(real):
 
 @cache
 def trying(kinds: tuple[str, ...], real):
-    """Function (c, look, k, x, d) -> (C, s0), contact plane and gap at the start of a point that moves by d from x, where it has
-    a contact, else C is 1e30; n and u are in `look`."""
+    """Function (c, look, k, x, d) -> (C, s0), gaps to the contact plane and where the substep starts, of a point that moves by
+    d from x; n and u are in `look`. Where there is no contact C is 1e30."""
     t, Look, Rows = types(real), looks(real), tables(real)[0]
     touch, (inside, outside) = collide.touch_convex(kinds, real), frames(real)
 

@@ -70,7 +70,8 @@ def acted(real, module, plan, damped: bool, acts: Acts):
         if own.point >= 0 and own.w > real(0.0) and s.halved == 0:
             own.v = s.half[own.point]
         first = own.point >= 0 and own.lane == 0
-        seen = look(rows, points, own)
+        if wp.static(acts.lanes > 0):
+            seen = look(rows, points, own)
         for sub in range(step.count + 1):
             kick = wp.where(sub == 0, step.kick, step.later)
             if sub == step.count:
@@ -92,6 +93,7 @@ def acted(real, module, plan, damped: bool, acts: Acts):
                 v = settle(own, own.v + (step.close * own.a + own.r))
             finish(own, v, s.x, s.e, s.v, s.r)
 
-    name = "_".join(("acted_sheets", *acts.kinds, *["pins"] * acts.pinned, *["tethers"] * acts.tethered, *["lanes"] * (acts.lanes > 0)))
+    also = {"pins": acts.pinned, "tethers": acts.tethered, "lanes": acts.lanes > 0}
+    name = "_".join(("acted_sheets", *acts.kinds, *(what for what, there in also.items() if there)))
     return wp.kernel(acted, name=name, module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)

@@ -1,4 +1,4 @@
-"""Contacts of a point whose threads try a collider each, here of one thread and one collider: those of kernels/fused/contact.py."""
+"""Contacts of points whose threads try a collider each, here of one thread and one collider: as kernels/fused/contact.py."""
 
 import numpy as np
 import pytest
