@@ -17,6 +17,10 @@ from wsim.model.stage import Clock, Methods
 from wsim.model.structs import filled
 
 
+LANED = 512            # threads of a block that have registers for it. H200, ms a frame, one thread a point and lanes: squeezed
+                       # cube (256 threads) 4.0, 3.3; bear (448) 0.43, 0.40; cape (640) 10.3, 11.1
+
+
 class ActedFrames:
     """one: `wsim.physics.motion.one_launch.OneLaunch` of explicit steps that have `taken` others."""
 
@@ -46,7 +50,7 @@ class ActedFrames:
         c = self.contact.contacts if self.contact else None
         acts = Acts(c.kinds if c else (), bool(c and c.meshes), bool(c and self.contact.bounce), bool(self.pins),
                     bool(self.tethers))
-        if c and not (acts.listed or acts.throws or acts.pinned or acts.tethered) and c.rows.most <= plan.lanes:
+        if c and not (acts.listed or acts.throws or acts.pinned or acts.tethered) and c.rows.most <= plan.lanes and plan.threads <= LANED:
             acts = replace(acts, lanes=plan.lanes)
         self.kernel = acted(model.real, model.module_of(plan.threads), plan, self.pull.damped, acts)
 
