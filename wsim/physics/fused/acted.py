@@ -16,7 +16,6 @@ from wsim.kernels.fused.hold import held
 from wsim.model.stage import Clock, Methods
 from wsim.model.structs import filled
 
-
 LANED = 512            # threads of a block that have registers for it. H200, ms a frame, one thread a point and lanes: squeezed
                        # cube (256 threads) 4.0, 3.3; bear (448) 0.43, 0.40; cape (640) 10.3, 11.1
 
@@ -50,7 +49,8 @@ class ActedFrames:
         c = self.contact.contacts if self.contact else None
         acts = Acts(c.kinds if c else (), bool(c and c.meshes), bool(c and self.contact.bounce), bool(self.pins),
                     bool(self.tethers))
-        if c and not (acts.listed or acts.throws or acts.pinned or acts.tethered) and c.rows.most <= plan.lanes and plan.threads <= LANED:
+        alone = c and not (acts.listed or acts.throws or acts.pinned or acts.tethered)
+        if alone and c.rows.most <= plan.lanes and plan.threads <= LANED:
             acts = replace(acts, lanes=plan.lanes)
         self.kernel = acted(model.real, model.module_of(plan.threads), plan, self.pull.damped, acts)
 

@@ -19,7 +19,7 @@ from wsim.scene.curve import Motion
 # Moving colliders that the host evaluates. The device differs in the last bits of float64, so that scenes of few keep theirs.
 # Measured on one core at 10 substeps: the host takes 0.35 ms and 0.2 ms for each (4: 1.2 ms), the device 0.04 ms for 4.
 HOST_MOST = 4
-# Substeps of a frame on a GPU from which it evaluates any: of two colliders at 300 the host takes 1.4 ms, kernels 0.14 (on a CPU)
+# Substeps of a frame on a GPU from which it evaluates any: of two at 300 substeps the host takes 1.4 ms, kernels 0.14 on a CPU
 LONG = 100
 
 
