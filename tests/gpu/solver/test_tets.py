@@ -157,3 +157,16 @@ def test_frames_without_contacts_are_those_of_the_body_alone():
     alone, far = sims
     assert far.forms == {"free": 2, "met": 0, "repeated": 0}
     assert np.array_equal(alone.state.x.numpy(), far.state.x.numpy())
+
+
+def test_poses_of_few_colliders_at_many_substeps_are_those_of_the_host():
+    poses = []
+    for device in ("cpu", "cuda:0"):
+        scene = jelly()
+        scene.substeps = 120
+        sim = wsim.Simulation(scene, device=device)
+        sim.step()
+        contacts = sim.plan.find("contacts")
+        assert bool(len(contacts.poses.many)) == (device != "cpu")
+        poses.append(contacts.table.pose.numpy())
+    assert poses[0].shape == (121, 1, 7) and np.abs(poses[0] - poses[1]).max() < 1e-6

@@ -49,8 +49,8 @@ class ActedFrames:
         c = self.contact.contacts if self.contact else None
         acts = Acts(c.kinds if c else (), bool(c and c.meshes), bool(c and self.contact.bounce), bool(self.pins),
                     bool(self.tethers))
-        alone = c and not (acts.listed or acts.throws or acts.pinned or acts.tethered)
-        if alone and c.rows.most <= plan.lanes and plan.threads <= LANED:
+        fits = c is not None and c.rows.most <= plan.lanes and plan.threads <= LANED
+        if fits and not (acts.listed or acts.throws or acts.pinned or acts.tethered):
             acts = replace(acts, lanes=plan.lanes)
         self.kernel = acted(model.real, model.module_of(plan.threads), plan, self.pull.damped, acts)
 
