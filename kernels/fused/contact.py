@@ -25,13 +25,15 @@ from wsim.kernels.motion.explicit import ALIKE
 
 @dataclass(frozen=True)
 class Acts:
-    """Things that act. kinds: of colliders; listed: meshes have lists of candidates; throws: some colliders throw back."""
+    """Things that act. kinds: of colliders; listed: meshes have lists of candidates; throws: some colliders throw back; lanes:
+    threads of a point, where each tries one (kernels/fused/contact_lanes.py)."""
 
     kinds: tuple[str, ...] = ()
     listed: bool = False
     throws: bool = False
     pinned: bool = False
     tethered: bool = False
+    lanes: int = 0
 
 
 @cache

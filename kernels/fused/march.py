@@ -8,6 +8,8 @@ import warp as wp
 from wsim.kernels.cloth.spring import net
 from wsim.kernels.contact.project import slots, tables
 from wsim.kernels.fused.contact import Acts, acting, settled, written
+from wsim.kernels.fused.contact_lanes import acting as meeting
+from wsim.kernels.fused.contact_lanes import looking
 from wsim.kernels.fused.domains import sheets
 from wsim.kernels.fused.hold import held
 from wsim.kernels.fused.own import ending, moving, owned
@@ -58,7 +60,8 @@ def acted(real, module, plan, damped: bool, acts: Acts):
     Own, Written = owned(real), written(real)
     (Rows, Points), Slots, Held = tables(real), slots(real), held(real)
     enter, forces, send, leave = passes(real, plan, damped, acts=True)
-    (_, moved), finish, act, settle = moving(real), ending(real), acting(acts, real), settled(real)
+    (_, moved), finish, settle, look = moving(real), ending(real), settled(real), looking(real)
+    act, meet = acting(acts, real), meeting(acts.kinds, real, acts.lanes) if acts.lanes else None
 
     def acted(c: Net, h: Sheets, step: Step, s: Written, rows: Rows, points: Points, at: Slots, hold: Held):
         room = wp.tile_empty(shape=wp.static(plan.words), dtype=float, storage="shared")      # `sheet_room`   # noqa: F841
@@ -67,6 +70,8 @@ def acted(real, module, plan, damped: bool, acts: Acts):
         if own.point >= 0 and own.w > real(0.0) and s.halved == 0:
             own.v = s.half[own.point]
         first = own.point >= 0 and own.lane == 0
+        if wp.static(acts.lanes > 0):
+            seen = look(rows, points, own)
         for sub in range(step.count + 1):
             kick = wp.where(sub == 0, step.kick, step.later)
             if sub == step.count:
@@ -75,7 +80,9 @@ def acted(real, module, plan, damped: bool, acts: Acts):
             if sub < step.count:
                 before = own.d
                 moved(own, kick, step, sub)
-                if first:
+                if wp.static(acts.lanes > 0):
+                    meet(rows, at, s, own, seen, before, wp.vec2i(sub, wp.where(sub == step.count - 1, 1, 0)))
+                elif first:
                     act(rows, points, at, hold, s, own, before, sub)
                 send(c, h, step, own, sub)
         leave()
@@ -86,6 +93,7 @@ def acted(real, module, plan, damped: bool, acts: Acts):
                 v = settle(own, own.v + (step.close * own.a + own.r))
             finish(own, v, s.x, s.e, s.v, s.r)
 
-    name = "_".join(("acted_sheets", *acts.kinds, *["pins"] * acts.pinned, *["tethers"] * acts.tethered))
+    also = {"pins": acts.pinned, "tethers": acts.tethered, "lanes": acts.lanes > 0}
+    name = "_".join(("acted_sheets", *acts.kinds, *(what for what, there in also.items() if there)))
     return wp.kernel(acted, name=name, module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)

@@ -108,21 +108,20 @@ ROTATION = """
     };
     auto rotation = [=](M3 H, float4 warm) {                        // of F = 1 + H, from that of a nearby F
         float4 q = warm;
-        const float size = fmaxf(most_of(H.x), fmaxf(most_of(H.y), most_of(H.z))), s = size > 1.f ? 1.f / size : 1.f;
         #pragma unroll 1
         for (int k = 0; k < ITERATIONS; ++k) {
             const M3 D = turned_by(q);
-            V3 x = times(s, minus(H.x, D.x)), y = times(s, minus(H.y, D.y)), z = times(s, minus(H.z, D.z));
+            V3 x = minus(H.x, D.x), y = minus(H.y, D.y), z = minus(H.z, D.z);
             x = add(x, under(D, x));
             y = add(y, under(D, y));
             z = add(z, under(D, z));
             const V3 b = v3(y.z - z.y, z.x - x.z, x.y - y.x);
-            const float tr = x.x + y.y + z.z + 3.f * s, least = 1e-3f * tr, g0 = tr - x.x - s;
+            const float tr = x.x + y.y + z.z + 3.f, least = 1e-3f * tr, g0 = tr - x.x - 1.f;
             if (!(tr > 0.f && g0 > least)) break;
             const float g10 = -0.5f * (y.x + x.y), g20 = -0.5f * (z.x + x.z), o0 = over(g0), l10 = g10 * o0, l20 = g20 * o0;
-            const float g1 = tr - y.y - s - l10 * g10, g21 = fmaf(-l20, g10, -0.5f * (z.y + y.z));
+            const float g1 = tr - y.y - 1.f - l10 * g10, g21 = fmaf(-l20, g10, -0.5f * (z.y + y.z));
             if (!(g1 > least)) break;
-            const float o1 = over(g1), l21 = g21 * o1, g2 = tr - z.z - s - l20 * g20 - l21 * g21;
+            const float o1 = over(g1), l21 = g21 * o1, g2 = tr - z.z - 1.f - l20 * g20 - l21 * g21;
             if (!(g2 > least)) break;
             const float y1 = fmaf(-l10, b.x, b.y), w2 = (b.z - l20 * b.x - l21 * y1) * over(g2), w1 = fmaf(y1, o1, -l21 * w2);
             const float w0 = b.x * o0 - l10 * w1 - l20 * w2, u0 = 0.5f * w0, u1 = 0.5f * w1, u2 = 0.5f * w2;
@@ -131,14 +130,15 @@ ROTATION = """
             const float ww = fmaf(w0, w0, fmaf(w1, w1, w2 * w2)), ends = 0.5f * ROUNDING * over(tr) * fminf(g0, fminf(g1, g2));
             if (ww * ww * ww <= ends * ends) return q;              // the next step: below |w|^3 / least pivot
         }
+        const float size = fmaxf(most_of(H.x), fmaxf(most_of(H.y), most_of(H.z))), s = size > 1.f ? 1.f / size : 1.f;
         const M3 F = m3(v3(fmaf(s, H.x.x, s), s * H.x.y, s * H.x.z), v3(s * H.y.x, fmaf(s, H.y.y, s), s * H.y.z),
                         v3(s * H.z.x, s * H.z.y, fmaf(s, H.z.z, s)));
         return dot(F.x, F.x) + dot(F.y, F.y) + dot(F.z, F.z) > 0.f ? rotation_anew(F, warm) : warm;
     };
 """
 STRESS = {"corotational": ROTATION + """
-    auto corotational = [=](M3 H, M3 G, float mu, float lam, float4* r) {
-        const float4 q = rotation(H, *r);
+    auto corotational = [=](M3 G, float mu, float lam, float4* r) {
+        const float4 q = rotation(G, *r);
         const M3 D = turned_by(q);
         *r = q;
         V3 x = minus(G.x, D.x), y = minus(G.y, D.y), z = minus(G.z, D.z);
@@ -149,9 +149,9 @@ STRESS = {"corotational": ROTATION + """
         return m3(add(S.x, onto(D, S.x)), add(S.y, onto(D, S.y)), add(S.z, onto(D, S.z)));
     };
 """, "linear": """
-    auto linear = [=](M3, M3 G, float mu, float lam, float4*) { return hooke(G, mu, lam); };
+    auto linear = [=](M3 G, float mu, float lam, float4*) { return hooke(G, mu, lam); };
 """, "neo_hookean": """
-    auto neo_hookean = [=](M3, M3 G, float mu, float lam, float4*) {
+    auto neo_hookean = [=](M3 G, float mu, float lam, float4*) {
         const M3 C = m3(cross(G.y, G.z), cross(G.z, G.x), cross(G.x, G.y));
         const float tr = G.x.x + G.y.y + G.z.z, hh = 0.5f * (dot(G.x, G.x) + dot(G.y, G.y) + dot(G.z, G.z));
         const float x = 0.5f * (tr + hh), j = tr + (C.x.x + C.y.y + C.z.z + dot(G.x, C.x));
@@ -163,7 +163,7 @@ STRESS = {"corotational": ROTATION + """
                   v3(side(G.z.x, G.x.z - C.z.x), side(G.z.y, G.y.z - C.z.y), middle(G.z.z, G.z.z - C.z.z)));
     };
 """, "st_venant_kirchhoff": """
-    auto st_venant_kirchhoff = [=](M3, M3 G, float mu, float lam, float4*) {
+    auto st_venant_kirchhoff = [=](M3 G, float mu, float lam, float4*) {
         const M3 E = m3(more(0.5f, under(G, G.x), G.x), more(0.5f, under(G, G.y), G.y), more(0.5f, under(G, G.z), G.z));
         const M3 S = hooke(E, mu, lam);
         return m3(add(S.x, onto(G, S.x)), add(S.y, onto(G, S.y)), add(S.z, onto(G, S.z)));
@@ -182,8 +182,9 @@ TET = """
         const float4 d0 = d[p[0]], none = make_float4(0.f, 0.f, 0.f, 0.f);
         const M3 H = change(add(less(e1, none), less(d[p[1]], d0)), add(less(e2, none), less(d[p[2]], d0)),
                             add(less(e3, none), less(d[p[3]], d0)));
-        const M3 G = m3(clamped(H.x), clamped(H.y), clamped(H.z));
-        M3 P = H;
+        const float size = fmaxf(most_of(H.x), fmaxf(most_of(H.y), most_of(H.z)));
+        const M3 G = size <= LARGEST ? H : m3(clamped(H.x), clamped(H.y), clamped(H.z));
+        M3 P = G;
         STRESS_EACH
         if (DAMPED) {
             const float4 q0 = q[p[0]];
@@ -213,7 +214,7 @@ def fill(materials: tuple[str, ...]) -> str:
 
 def code(materials: tuple[str, ...]) -> str:
     """`tet`, and all that it calls."""
-    each = " else ".join(f"if (FLOAT_AS_INT(g1.w) == {k}) P = {m}(H, G, e1.w, e2.w, R + c);" for k, m in enumerate(materials))
+    each = " else ".join(f"if (FLOAT_AS_INT(g1.w) == {k}) P = {m}(G, e1.w, e2.w, R + c);" for k, m in enumerate(materials))
     tet = TET.replace("STRESS_EACH", each)
     return f"    {NUMBERS}\n{MATRIX}{''.join(STRESS[m] for m in materials)}{tet}" if materials else ""
 

@@ -6,8 +6,9 @@ import pytest
 import warp as wp
 
 import wsim
+from tests.gpu.solver.test_sheet_contacts import run
 from tests.gpu.solver.test_sheets import BLOCKS
-from tests.physics.fused.test_fused import moved, sheet
+from tests.physics.fused.test_fused import cube, jelly, moved, sheet
 from wsim import Bulk
 from wsim.model.launches import Launches
 from wsim.physics.fused import domains
@@ -75,6 +76,31 @@ def test_one_launch_moves_as_launch_by_launch(name, blocks, monkeypatch):
     assert np.abs(x - apart).max() < ROUNDING and np.abs(v).max() > 0.1
 
 
+def thrown() -> Scene:
+    """A floor throws a bar back."""
+    scene = Scene(solver="explicit")
+    points, tets = shapes.block((0.3, 0.1, 0.1), (6, 2, 2))
+    scene.soft("/bar", points + [0.0, 0.08, 0.0], tets, material=Bulk(3e4, 0.3, 1e3, "neo_hookean"))
+    scene.collider("/floor", Plane(), restitution=0.8)
+    return scene
+
+
+@pytest.mark.parametrize("blocks", BLOCKS)
+@pytest.mark.parametrize("made", [cube, jelly, thrown])
+def test_colliders_are_met_as_launch_by_launch(made, blocks, monkeypatch):
+    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
+    sim, x, v, impulses, mark = run(made(), 6)
+    assert sim.plan.method("explicit").taken == {"contact"} and sim.plan.find("gather").cluster.size == BLOCKS[blocks]
+    _, again, rate, *_ = run(made(), 6)
+    assert np.array_equal(x, again) and np.array_equal(v, rate)
+    monkeypatch.setattr(Launches, "fuses", False)
+    other, apart, _, given, marked = run(made(), 6)
+    assert other.plan.find("gather").cluster is None and sim.forms == other.forms and (sim.forms["met"] or made is thrown)
+    assert np.abs(x - apart).max() < 5 * ROUNDING and np.abs(v).max() > 0.01
+    for path, J in given.items():
+        assert np.linalg.norm(impulses[path] - J) <= 0.02 * max(np.linalg.norm(J) for J in given.values())
+
+
 def test_a_large_body_takes_a_grid(monkeypatch):
     scene = Scene(solver="explicit")
     points, tets = shapes.block((0.4, 0.4, 0.4), (16, 16, 16))
@@ -131,3 +157,16 @@ def test_frames_without_contacts_are_those_of_the_body_alone():
     alone, far = sims
     assert far.forms == {"free": 2, "met": 0, "repeated": 0}
     assert np.array_equal(alone.state.x.numpy(), far.state.x.numpy())
+
+
+def test_poses_of_few_colliders_at_many_substeps_are_those_of_the_host():
+    poses = []
+    for device in ("cpu", "cuda:0"):
+        scene = jelly()
+        scene.substeps = 120
+        sim = wsim.Simulation(scene, device=device)
+        sim.step()
+        contacts = sim.plan.find("contacts")
+        assert bool(len(contacts.poses.many)) == (device != "cpu")
+        poses.append(contacts.table.pose.numpy())
+    assert poses[0].shape == (121, 1, 7) and np.abs(poses[0] - poses[1]).max() < 1e-6

@@ -3,6 +3,7 @@ soft pins, tethers. See kernels/fused/contact.py."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from wsim.kernels.fused.contact import Acts, written
 from wsim.kernels.fused.hold import held
 from wsim.model.stage import Clock, Methods
 from wsim.model.structs import filled
+
+LANED = 512            # threads of a block that have registers for it. H200, ms a frame, one thread a point and lanes: squeezed
+                       # cube (256 threads) 4.0, 3.3; bear (448) 0.43, 0.40; cape (640) 10.3, 11.1
 
 
 class ActedFrames:
@@ -45,6 +49,9 @@ class ActedFrames:
         c = self.contact.contacts if self.contact else None
         acts = Acts(c.kinds if c else (), bool(c and c.meshes), bool(c and self.contact.bounce), bool(self.pins),
                     bool(self.tethers))
+        fits = c is not None and c.rows.most <= plan.lanes and plan.threads <= LANED
+        if fits and not (acts.listed or acts.throws or acts.pinned or acts.tethered):
+            acts = replace(acts, lanes=plan.lanes)
         self.kernel = acted(model.real, model.module_of(plan.threads), plan, self.pull.damped, acts)
 
     def whole(self, clock: Clock):
