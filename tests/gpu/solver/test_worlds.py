@@ -1,10 +1,13 @@
-"""Worlds on a GPU have the bits of one alone, by every solver: how many threads take a launch changes no sum."""
+"""Worlds on a GPU have the bits of one alone, by every solver, launch by launch: how many threads take a launch changes no sum.
+Frames of sheets and tets that one world alone takes in one launch (kernels/fused/march.py) differ by rounding, and by when the
+air acts; nets have the bits of one alone there, too."""
 
 import numpy as np
 import pytest
 import warp as wp
 
 from tests.physics.selfcontact.rig import crumple
+from wsim.model.launches import Launches
 from wsim.scene import Scene, Sphere, shapes
 from wsim.scene.fabric import Fabric
 from wsim.scene.solid import Bulk
@@ -73,7 +76,8 @@ def test_nets(how, ball):
 
 
 @pytest.mark.parametrize("how", ["xpbd", "newton", "leapfrog"])
-def test_membranes_hinges_damping_and_wind(how):
+def test_membranes_hinges_damping_and_wind(monkeypatch, how):
+    monkeypatch.setattr(Launches, "fuses", False)
     assert differ(blown(how)) == 0.0
 
 
@@ -84,7 +88,8 @@ def test_worlds_of_more_points_than_a_cluster_takes():
 
 
 @pytest.mark.parametrize("how", ["newton", "leapfrog"])
-def test_soft_bodies(how):
+def test_soft_bodies(monkeypatch, how):
+    monkeypatch.setattr(Launches, "fuses", False)
     assert differ(block(how), values=("young", 1e4, 2e4)) == 0.0
 
 
