@@ -170,23 +170,21 @@ def _explicit(model: Model, method: Integrator | None) -> Choice:
 def _auto(model: Model) -> Choice:
     """The cheaper of leapfrog and coloured XPBD at the wanted error; Newton where sweeps would stall."""
     scene, leapfrog, xpbd = model.scene, TABLE["leapfrog"], _sweeps(model)
-    stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall"
-    stall = stall if xpbd.solver == "implicit" else ""
-    reason = unfit(model, "XPBD")
-    if reason:
+    stall = f"masses that hold each other differ by more than {UNEVEN:g}: sweeps would stall" * (xpbd.solver == "implicit")
+    if reason := unfit(model, "XPBD"):
         return replace(xpbd, why=stall or reason)
     from wsim.physics.motion.frequency import RowSums, bound
     omega, c = bound(model, rows=(rows := RowSums(model)))
     n = _struck(model, needed(scene, leapfrog, omega, c))
     explicit = cost.seconds(model, cost.explicit(model, n))
     sweeps = cost.seconds(model, cost.sweeps(model, xpbd.substeps, xpbd.iterations))
-    newton, solved = _newton(model, omega) if not stall else None, inf
-    if newton:
-        solved = cost.seconds(model, cost.solved(model, newton.substeps, 1, omega))
-    if explicit <= _worth(scene) * min(sweeps, solved):
-        return Choice("explicit", leapfrog, max(n, scene.substeps), 1,
-                      f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
-                      f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
+    newton = _newton(model, omega) if not stall else None
+    solved = cost.seconds(model, cost.solved(model, newton.substeps, 1, omega)) if newton else inf
+    whole = Choice("explicit", leapfrog, max(n, scene.substeps), 1,
+                   f"{n} substeps keep {omega:.4g} rad/s stable, about {1e3 * explicit:.3g} ms a frame; XPBD would take "
+                   f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd)
+    if explicit <= SURE * min(sweeps, solved):
+        return whole
     why = f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
     slow, said = slowed(model, rows)
     least = cost.seconds(model, cost.explicit(model, slow)) if slow else inf
@@ -194,6 +192,8 @@ def _auto(model: Model) -> Choice:
         return Choice("explicit", leapfrog, max(slow, scene.substeps), 1,
                       f"{why}{slow} with more mass at slivers, {1e3 * least:.3g} ms: {said}; XPBD would take "
                       f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd, slowed=slow > scene.substeps)
+    if explicit <= _worth(scene) * min(sweeps, solved):
+        return whole
     if newton and (SURER * solved < sweeps or
                    solved <= SURE * sweeps and RIGHTER * predicted(model, newton) <= predicted(model, xpbd)):
         return replace(newton, why=f"{why}XPBD {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}; Newton steps "
