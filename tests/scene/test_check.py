@@ -55,6 +55,8 @@ MISTAKES = {
     "pin places": (lambda s: setattr(s.pins[0], "places", np.zeros((5, 3))), "/pin", "5 places"),
     "pin stiffness": (lambda s: setattr(s.pins[0], "stiffness", -1.0), "/pin", "stiffness is -1"),
     "pin stiffness nan": (lambda s: setattr(s.pins[0], "stiffness", nan), "/pin", "stiffness is nan"),
+    "rows": (lambda s: s.collider("/ball", Sphere(1.0), motion=Motion.still(Motion.at_place((1.0, 2.0, 3.0)).at(0.0).T)),
+             "/ball", "the last row of its matrix at t = 0 s is (1.0, 2.0, 3.0, 1.0)"),
     "pin motion": (lambda s: setattr(s.pins[0], "motion", scaled(1.0, 2.0)), "/pin", "scales, shears or mirrors"),
     "mirrored collider": (lambda s: s.collider("/b", Sphere(1.0), motion=scaled(-1.0)), "/b", "mirrors"),
     "radius": (lambda s: s.collider("/b", Sphere(0.0)), "/b", "radius is 0"),

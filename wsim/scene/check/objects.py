@@ -71,11 +71,21 @@ def array(path: str, name: str, value: np.ndarray | None, counts: tuple[int, ...
                     f"{'>' if strict else '>='} {low:g}", mend)
 
 
+def on_columns(path: str, motion: Motion) -> Iterator[Problem]:
+    """Matrices whose last row has no place: those that act on rows have it there, and would leave a thing where it was."""
+    wrong = np.any(motion.values[:, 3, :3] != 0.0, axis=1)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        yield error(path, f"the last row of its matrix at t = {motion.times[k]:g} s is {tuple(motion.values[k, 3].tolist())}",
+                    "(0, 0, 0, 1): matrices act on columns", "transpose those that act on rows; author no perspective")
+
+
 def placed(path: str, points: np.ndarray, motion: Motion) -> Iterator[Problem]:
     """Finite transforms that flatten nothing, and points near enough to their own origin for float32."""
     if not np.all(np.isfinite(motion.values)):
         yield error(path, "its transform holds NaN or infinity", "finite numbers", "author its xformOps again")
         return
+    yield from on_columns(path, motion)
     A = motion.values[:, :3, :3]
     if np.any(np.linalg.det(A) == 0.0):
         yield error(path, "its transform flattens it (determinant 0)", "a scale that is not 0", "author another scale")
@@ -92,6 +102,7 @@ def rigid(path: str, motion: Motion, mend: str) -> Iterator[Problem]:
     if not np.all(np.isfinite(motion.values)):
         yield error(path, "its motion holds NaN or infinity", "finite numbers", "author its xformOps again")
         return
+    yield from on_columns(path, motion)
     A = motion.values[:, :3, :3]
     off = np.abs(np.swapaxes(A, 1, 2) @ A - np.eye(3)).max(axis=(1, 2))
     wrong = (off > RIGID) | (np.linalg.det(A) <= 0.0)

@@ -41,7 +41,7 @@ def _segment(times: np.ndarray, t: float) -> tuple[int, int, float]:
 
 class Motion(Curve):
     """Local-to-world transforms over time, as matrices that act on columns; rotations turn by slerp, or smoothly by squad.
-    Raises ValueError as a `Curve` does, and where the last row of a matrix is not (0, 0, 0, 1).
+    Raises ValueError as a `Curve` does.
 
     times     of the keys, (keys,) [s] from the start of the scene, increasing
     values    (keys, 4, 4), lengths [m]
@@ -53,11 +53,6 @@ class Motion(Curve):
 
     def __init__(self, times, values, kind: str = "linear", before="held", after="held", **how):
         self.times, self.values = keyed(times, np.asarray(values, np.float64).reshape(-1, 4, 4))
-        last = np.abs(self.values[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1, initial=0.0)
-        if (last > UNIT).any():
-            k = int(np.argmax(last > UNIT))
-            raise ValueError(f"a motion's matrices act on columns, with a last row of (0, 0, 0, 1): number {k} has "
-                             f"{tuple(self.values[k, 3].tolist())}; transpose matrices that act on rows, as USD's do")
         if not (isinstance(before, str) and isinstance(after, str)):
             raise ValueError("outside of its keys a motion is held, linear, repeat, reset, oscillate; a slope is for a Curve")
         self.path = Curve(self.times, self.values[:, :3, 3], kind, before, after, **how)     # of the places
