@@ -46,18 +46,23 @@ def end(scene: Scene, frames: int = 4):
     return sim.state.x.numpy(), sim.state.v.numpy(), sim.plan.find("gather")
 
 
+def moves_alike(make, blocks: int, rounding: float, monkeypatch) -> None:
+    """Asserts that a scene ends twice with the same bits by so many blocks, and within rounding [m] launch by launch."""
+    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [blocks])
+    x, v, pull = end(make())
+    assert pull.cluster is not None and pull.cluster.size == blocks
+    again, rate, _ = end(make())
+    assert np.array_equal(x, again) and np.array_equal(v, rate)
+    monkeypatch.setattr(Launches, "fuses", False)
+    apart, _, pull = end(make())
+    assert pull.cluster is None
+    assert np.abs(x - apart).max() < rounding and np.abs(v).max() > 0.1
+
+
 @pytest.mark.parametrize("blocks", BLOCKS)
 @pytest.mark.parametrize("name", SCENES)
 def test_one_launch_moves_as_launch_by_launch(name, blocks, monkeypatch):
-    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
-    x, v, pull = end(SCENES[name]())
-    assert pull.cluster is not None and pull.cluster.size == BLOCKS[blocks]
-    again, rate, _ = end(SCENES[name]())
-    assert np.array_equal(x, again) and np.array_equal(v, rate)
-    monkeypatch.setattr(Launches, "fuses", False)
-    apart, _, pull = end(SCENES[name]())
-    assert pull.cluster is None
-    assert np.abs(x - apart).max() < ROUNDING and np.abs(v).max() > 0.1
+    moves_alike(SCENES[name], BLOCKS[blocks], ROUNDING, monkeypatch)
 
 
 def test_live_values_are_those_of_the_next_frame():

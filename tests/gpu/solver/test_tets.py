@@ -7,7 +7,7 @@ import warp as wp
 
 import wsim
 from tests.gpu.solver.test_sheet_contacts import run
-from tests.gpu.solver.test_sheets import BLOCKS
+from tests.gpu.solver.test_sheets import BLOCKS, end, moves_alike
 from tests.physics.fused.test_fused import cube, jelly, moved, sheet
 from wsim import Bulk
 from wsim.model.launches import Launches
@@ -55,25 +55,10 @@ SCENES = {"corotational": bar, "neo_hookean": lambda: bar("neo_hookean"), "dampe
           "corotational damped": lambda: bar("corotational", 5e-4), "linear": lambda: bar("linear"), "several": several}
 
 
-def end(scene: Scene, frames: int = 4):
-    sim = wsim.Simulation(scene, device="cuda:0")
-    for _ in range(frames):
-        sim.step()
-    return sim.state.x.numpy(), sim.state.v.numpy(), sim.plan.find("gather")
-
-
 @pytest.mark.parametrize("blocks", BLOCKS)
 @pytest.mark.parametrize("name", SCENES)
 def test_one_launch_moves_as_launch_by_launch(name, blocks, monkeypatch):
-    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
-    x, v, pull = end(SCENES[name]())
-    assert pull.cluster is not None and pull.cluster.size == BLOCKS[blocks]
-    again, rate, _ = end(SCENES[name]())
-    assert np.array_equal(x, again) and np.array_equal(v, rate)
-    monkeypatch.setattr(Launches, "fuses", False)
-    apart, _, pull = end(SCENES[name]())
-    assert pull.cluster is None
-    assert np.abs(x - apart).max() < ROUNDING and np.abs(v).max() > 0.1
+    moves_alike(SCENES[name], BLOCKS[blocks], ROUNDING, monkeypatch)
 
 
 def thrown() -> Scene:
