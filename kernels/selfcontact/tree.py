@@ -59,7 +59,7 @@ def behind(node: int):
 
 @wp.func
 def apart(a: Box, b: Box, room: float):
-    """Whether boxes stay more than `room` apart [m]."""
+    """True if boxes stay more than `room` apart [m]."""
     found = bool(False)
     for k in range(3):
         if a[0, k] - b[1, k] > room and a[2, k] - b[3, k] > room:

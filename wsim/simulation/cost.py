@@ -115,7 +115,7 @@ def marched(model: Model, kinds: set[str]) -> bool:
 
 
 def _struck(model: Model, n: int) -> dict[str, float]:
-    """What colliders add to substeps of sheets that blocks share."""
+    """Costs that colliders add to substeps of sheets that blocks share."""
     meshes = sum(isinstance(c.shape, Surface) for c in model.scene.colliders)
     return {"struck": n * (len(model.scene.colliders) - meshes), "faced": n * meshes}
 

@@ -1,4 +1,4 @@
-"""What the LANES threads of a strand hand each other, and numbers under way from memory to them (CUDA, sm_80 and up)."""
+"""Blocks that the LANES threads of a strand hand each other, and numbers under way from memory to them (CUDA, sm_80 and up)."""
 
 import warp as wp
 

@@ -59,6 +59,7 @@ class Factors:
 
 @wp.func
 def pick(v: wp.vec4d, lane: int):
+    """Number of a vector that a lane has."""
     return wp.where(lane < 2, wp.where(lane == 0, v[0], v[1]), wp.where(lane == 2, v[2], v[3]))
 
 
@@ -86,6 +87,7 @@ def own_block(at: int, lane: int, w: Window):
 
 @wp.func
 def factors(D: wp.mat44d):
+    """Factors of the symmetric part of a block; rounding makes others of it, see kernels/rods/eliminate.py."""
     f = Factors()
     one = wp.float64(1.0)
     half = wp.float64(0.5)
@@ -109,6 +111,7 @@ def factors(D: wp.mat44d):
 
 @wp.func
 def solved(f: Factors, y: wp.vec4d):
+    """Solution of L D L^T x = y."""
     y1 = y[1] - f.a[0] * y[0]
     y2 = y[2] - f.a[1] * y[0] - f.b[0] * y1
     z3 = (y[3] - f.a[2] * y[0] - f.b[1] * y1 - f.b[2] * y2) * f.d[3]

@@ -1,4 +1,4 @@
-"""What points of strands leave for the elimination (lanes.py): numbers of a point, of the edge behind it, of the bend at it."""
+"""Numbers that points of strands leave for the elimination (lanes.py): of a point, of the edge behind it, of the bend at it."""
 
 import warp as wp
 
@@ -12,8 +12,6 @@ EDGE, BENT, AIR, NUMBERS = 13, 19, 48, 57
 OFF, SLOPES, SPINS, OWN = BENT, BENT + 3, BENT + 21, BENT + 27      # of a bend
 STEPS = 5                        # of points whose numbers are under way from memory
 Bend = bend().Bend
-
-
 
 
 @wp.struct
@@ -45,6 +43,7 @@ def keep(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, v: wp.v
 
 @wp.func
 def keep_bend(S: Strands, A: Parts, i: int, k: int, f: Bend):
+    """Stores the strains of a point."""
     B = wp.sqrt(S.B[i, k])
     q = wp.vec3d(B, B, wp.sqrt(S.C[i, k]))
     off = wp.cw_mul(f.s - S.rest[i, k], q)
@@ -61,6 +60,7 @@ def keep_bend(S: Strands, A: Parts, i: int, k: int, f: Bend):
 
 @wp.func
 def keep_edge(S: Strands, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64):
+    """Stores the tension of the edge behind a point."""
     tension = S.A[i, k] * (length - S.length[i, k])
     across = wp.max(tension / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
     keep(A.part, wp.static(EDGE), i, k, t)

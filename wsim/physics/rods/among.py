@@ -100,7 +100,7 @@ class Among:
                                       device=self.model.device)
 
     def start(self) -> np.ndarray:
-        """Where their points begin, from the origin that surfaces share [m], (points, 3)."""
+        """Places where their points begin, from the origin that surfaces share [m], (points, 3)."""
         t = self.strands.table
         return t.x.reshape(-1, 3)[self.touching.edges.points] + (t.origin - self.surfaces.base)[self.strand]
 
@@ -128,7 +128,7 @@ class Among:
         wp.copy(self.company.pushed, self.surfaces.state.d, src_offset=self.first, count=self.points)
 
     def end(self, clock: Clock) -> None:
-        """What surfaces have moved them by, and the end of their substep."""
+        """Takes what surfaces have moved them by, and ends their substep."""
         touching = self.touching
         self.launch(self.give_points, [self.strands.strands, touching.motion, touching.h, self.surfaces.state.d], [self.d])
         touching.close(clock.k)

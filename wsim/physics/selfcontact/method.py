@@ -115,7 +115,7 @@ class SelfContact(Method):
             self.surfaces.borrow(self.model, self.own())
 
     def give(self) -> None:
-        """What this company has moved, back to the state."""
+        """Gives back to the state what this company has moved."""
         if s := self.surfaces.state:
             self.model.launch(self.surfaces.hand, self.model.points, [s.d], [self.state.d])
 
@@ -147,7 +147,7 @@ class SelfContact(Method):
             self.settle.gather(clock)
 
     def look(self, clock: Clock, first: int) -> None:
-        """Whether sweeps go on."""
+        """Launches the test whether sweeps go on."""
         near = self.near
         threads = min(near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
         self.borrow()

@@ -81,7 +81,7 @@ class Settle:
         self.look(v, 0)
 
     def look(self, v: wp.array, first: int) -> None:
-        """Whether sweeps go on."""
+        """Launches the test whether sweeps go on."""
         near = self.method.near
         near.word(pairs.NEARER).zero_()
         self.pairs("lacking", [v, self.aims, self.clock.h, first], [near.words])

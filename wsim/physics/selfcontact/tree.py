@@ -30,7 +30,7 @@ class Order:
         self.item, self.bits = self.room[:len(own)], 3 * kernels.BITS + 1 + (len(rows) - 1).bit_length()
 
     def sort(self, frames) -> None:
-        """By where points are in the last list; not captured."""
+        """Sorts by where points are in the last list; not captured."""
         s, n = self.surfaces, len(self.item)
         self.model.launch(self.number, n, [s.data, frames, self.kind, self.each, s.edge, self.item], [self.key])
         wp.utils.radix_sort_pairs(self.key, self.room, n, end_bit=self.bits)
