@@ -4,6 +4,8 @@ The first command, which installs and runs a scene, has an empty kernel cache, a
 to run (keys are hashes of what is compiled): in WSIM_CI_KERNELS, or in ~/.cache/wsim-ci; an empty value keeps nothing. One
 that has grown beyond LARGE is emptied first.
 
+Tests that were skipped run again with the extras that they need, and those alone: by pytest's report of the first run.
+
 The commands are taken from the `sh` blocks of the README's section Install, so that they cannot drift apart; its quick starts
 are run by tests/tools/test_readme.py. Prints each step with its time, and at the end pytest's closing line; exits with 1 if
 anything failed. Needs python3 (3.11 to 3.14) and a package index.
@@ -15,16 +17,15 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import xml.etree.ElementTree as xml
 from pathlib import Path
 from time import perf_counter
 
 ROOT = Path(__file__).resolve().parents[1]
 LITTER = shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info", ".*_cache", "build", "dist")
-EXTRAS = ("tests/show/test_view.py tests/tools/test_reference.py tests/physics/cloth/test_constraints.py "
-          "tests/geometry/test_sheet_ordering.py tests/physics/solver/test_newton.py tests/bench/test_bench.py "
-          "tests/tools/test_suite.py tests/show/test_animation.py tests/geometry/test_rotation.py "
-          "tests/physics/cloth/test_kind.py tests/physics/rigid tests/physics/fluid/test_cavity.py")   # need an extra in parts
-CHECKS = (".venv/bin/pip install -q -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q {EXTRAS}", ".venv/bin/ruff check .",
+REPORT, AGAIN = "../report.xml", "../again.txt"         # of the tests of the second command; those of them that the extras run
+OTHER = re.compile("CUDA|GPU")                          # in reasons to skip that no extra mends
+CHECKS = (".venv/bin/pip install -q -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q @{AGAIN}", ".venv/bin/ruff check .",
           ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
 LARGE = 4e9                                     # [bytes] of kernels of the tests; one commit's are 0.5e9
 CLOSING = re.compile(r"\b(passed|failed|errors?)\b.* in [\d.]+s")
@@ -70,6 +71,18 @@ def kept() -> Path | None:
     return place
 
 
+def skipped(report: Path) -> list[str]:
+    """Tests that were skipped, by pytest's JUnit report, as pytest takes them; files, where one was skipped whole."""
+    names = []
+    for case in xml.parse(report).iter("testcase") if report.is_file() else ():
+        skip = case.find("skipped")
+        if skip is None or skip.get("type") == "pytest.xfail" or OTHER.search(f"{skip.get('message')} {skip.text}"):
+            continue
+        file, name = case.get("classname"), case.get("name")
+        names.append(f"{file.replace('.', '/')}.py::{name}" if file else f"{name.replace('.', '/')}.py")
+    return names
+
+
 def step(command: str, folder: Path, environment: dict[str, str]) -> tuple[bool, list[str]]:
     """Runs a command, passing on what it prints: (success, its lines)."""
     print(f"\n$ {command}", flush=True)
@@ -96,9 +109,15 @@ def main() -> int:
             if number == 1 and (cache := kept()):
                 print(f"kernels are kept: {sum(1 for _ in cache.rglob('*.meta'))} modules were there", flush=True)
                 environment["WARP_CACHE_PATH"] = str(cache)
-            good, lines = step(command, folder, environment)
+            reporting = {"PYTEST_ADDOPTS": f"--junitxml={REPORT}"} if number == 1 else {}
+            good, lines = step(command, folder, environment | reporting)
             if not good:
                 failed.append(command)
+            if number == 1:
+                again = skipped(folder / REPORT)
+                if again:                       # else pytest finds no list and fails, where an empty one would run all
+                    (folder / AGAIN).write_text("\n".join(again), encoding="utf-8")
+                print(f"skipped, and run again with the extras: {len(again)}", flush=True)
             closing += [x for x in lines if CLOSING.search(x)][-1:]
         missing = [name for name in MADE if not (folder / name).is_file() or not (folder / name).stat().st_size]
         failed += [f"the first command left no {name}" for name in missing]

@@ -14,6 +14,7 @@ catch a planted fault.
 """
 
 import ast
+import gc
 import re
 import sys
 from collections.abc import Iterable, Iterator
@@ -73,6 +74,12 @@ def parsed(text: str) -> ast.Module:
     return ast.parse(text)
 
 
+@cache
+def nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
+    """What several rules walk through: walking is what the rules cost."""
+    return tuple(ast.walk(tree))
+
+
 def product(files: dict[Path, str]) -> dict[str, tuple[Path, ast.Module]]:
     """Modules of the product by name, parsed."""
     return {name_of(path): (path, parsed(text)) for path, text in files.items()
@@ -81,9 +88,9 @@ def product(files: dict[Path, str]) -> dict[str, tuple[Path, ast.Module]]:
 
 def imports(tree: ast.Module) -> Iterator[tuple[int, str]]:
     """(line, dotted name) of every import, also inside functions, not for type checkers; `from a import b` is a.b."""
-    skipped = {id(inner) for node in ast.walk(tree)
+    skipped = {id(inner) for node in nodes(tree)
                if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) for inner in ast.walk(node)}
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if id(node) in skipped:
             continue
         if isinstance(node, ast.Import):
@@ -197,7 +204,7 @@ def size(files: dict[Path, str]) -> Iterator[str]:
         most, lines = (TEST_LINES if test else FILE_LINES), text.count("\n")
         if lines > most:
             yield f"{path}:1: {lines} lines, at most {most}: split it into two subjects"
-        for node in ast.walk(parsed(text)):
+        for node in nodes(parsed(text)):
             if not isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
                 continue
             if length(node) > FUNCTION_LINES:
@@ -212,7 +219,7 @@ def kernels(files: dict[Path, str]) -> Iterator[str]:
     """Two kernels of one name: where a plan has both in its module, Warp 1.19 replays a graph on a CPU with either for both."""
     seen: dict[str, str] = {}
     for path, text in files.items():
-        for node in ast.walk(parsed(text)) if path.parts[0] == "kernels" else ():
+        for node in nodes(parsed(text)) if path.parts[0] == "kernels" else ():
             if isinstance(node, ast.FunctionDef) and any("wp.kernel" in ast.unparse(d) for d in node.decorator_list):
                 place = f"{path}:{node.lineno}"
                 if seen.setdefault(node.name, place) != place:
@@ -222,7 +229,7 @@ def kernels(files: dict[Path, str]) -> Iterator[str]:
 def ports(files: dict[Path, str]) -> Iterator[str]:
     """`plan.method(...)` of anything but a row of the table, and `methods[...]`: see `wsim.model.stage.Methods`."""
     for path, text in files.items():
-        for node in ast.walk(parsed(text)) if path.parts[0] == "wsim" else ():
+        for node in nodes(parsed(text)) if path.parts[0] == "wsim" else ():
             said = (ast.unparse(node.args[0]) if isinstance(node, ast.Call) and node.args
                     and isinstance(node.func, ast.Attribute) and node.func.attr == "method" else
                     ast.unparse(node.slice) if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Attribute)
@@ -265,6 +272,7 @@ def texts(root: Path = ROOT) -> dict[Path, str]:
 
 
 def main() -> int:
+    gc.disable()                            # trees hold no garbage, and looking for it takes half of the time
     files = sources()
     complaints = [*layers(files), *entries(), *cycles(files), *size(files), *kernels(files), *ports(files), *adjoints(files),
                   *words(files), *words(texts())]
