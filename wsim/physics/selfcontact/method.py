@@ -3,10 +3,10 @@ that no substep ends with an intersection that it did not begin with.
 
 XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps and Newton's method they come as
 impulses, BEHIND of them (as pairs of carriers do), and more while a pair would end at less than half of its distance: what is
-light between what is heavy takes hundreds. Not by leapfrog: its steps are short, and what is read behind half a kick is given
-half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same behind each solver:
-it changes displacements before velocities are made of them. Integrators whose substeps end elsewhere than where they solve are
-refused.
+light between what is heavy takes hundreds. By leapfrog only where there are neither colliders nor strands: what is read behind
+half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
+behind each solver: it changes displacements before velocities are made of them. Integrators whose substeps end elsewhere than
+where they solve are refused.
 """
 
 from __future__ import annotations
@@ -140,11 +140,16 @@ class SelfContact(Method):
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
         if self.within and last:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))
-        if last and not self.settle.halved:
+        if last and self.going:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.look(clock, 1))
             wp.capture_while(self.near.word(pairs.NEARER), lambda: self.more(clock))
         if last:
             self.settle.gather(clock)
+
+    @property
+    def going(self) -> bool:
+        """Whether sweeps go on while a pair would end too near."""
+        return not (self.settle.halved and (self.contact or self.obstacles or self.strands))
 
     def look(self, clock: Clock, first: int) -> None:
         """Launches the test whether sweeps go on."""
