@@ -140,7 +140,7 @@ class SelfContact(Method):
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
         if self.within and last:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))
-        if last and not self.settle.halved:
+        if last and len(clock.integrator.steps) != 2:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.look(clock, 1))
             wp.capture_while(self.near.word(pairs.NEARER), lambda: self.more(clock))
         if last:
