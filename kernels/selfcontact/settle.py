@@ -8,7 +8,8 @@ that pushes with P [m kg] in a substep h:
                n . sum_k b_k v_k = n . sum_k b_k (d_k - e_k) / h,   by impulses Q n of any sign, |P|/g + Q >= 0
     leapfrog   is read behind half a kick, which knows no contact: of what it brings a pair nearer along P, its contact takes
                back up to half of an impulse:  n . sum_k b_k (v_k - w_k) >= 0,   0 <= Q <= |P| / (2 h),   w before the kick;
-               where it pushed alike in the substep before, all of the half belongs to the kick
+               where it pushed alike in the substep before, all of the half belongs to the kick. Runge-Kutta steps end with
+               all that forces changed velocities by, where a contact that lasts gives half: read likewise, without a kick
 
 Sweeps of Jacobi with the masses of kernels/selfcontact/rows.py, from Q = 0 or, by leapfrog, from all of the half: at rest it is
 the solution. By BDF2 they go on, and lead ahead, while a pair lacks much. As `settle` of kernels/contact/project.py and

@@ -46,7 +46,8 @@ STAGED = (
     Field("u", "m/s", False, "change of velocity of a step's first stage, then of all of it (sdirk3)"),
 )
 CARRY = (Field("r", "m/s", True, "rounding remainder of v (explicit)"),)
-HALF = (Field("b", "m/s", True, "velocity half a substep before v (leapfrog); frames taken whole leave it as it was"),)
+HALF = (Field("b", "m/s", True, "velocity that goes on where v is only read: leapfrog's, half a substep before v, that of "
+              "Runge-Kutta steps, less the half of what lasting contacts give; frames taken whole leave it as it was"),)
 
 
 @dataclass

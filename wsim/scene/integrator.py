@@ -63,6 +63,11 @@ class Integrator:
         return min(self.met) < inf
 
     @property
+    def lags(self) -> bool:
+        """True if a lasting push at the end of explicit steps gives half of its velocity: what rests is read so."""
+        return self.explicit and self.order > 1
+
+    @property
     def forces(self) -> int:
         """Evaluations of a(x, v) a step."""
         return len(self.stages) or 1

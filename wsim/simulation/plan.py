@@ -253,7 +253,7 @@ def _fields(b: Build) -> tuple[Field, ...]:
     multistep, steps = integrator.memory > 0.0, integrator.explicit and b.within
     return (POINTS + (ANCHOR if multistep or met or steps else ()) + (HISTORY if multistep else ())
             + (STAGED if integrator.solves > 1 else ()) + (CARRY if integrator.explicit else ())
-            + (HALF if steps and len(integrator.steps) > 1 else ()))
+            + (HALF if steps and (len(integrator.steps) > 1 or b.reasons["selfcontact"] and integrator.lags) else ()))
 
 
 def _module(b: Build) -> str:

@@ -53,7 +53,7 @@ class Explicit(Method):
         self.rows, self.pins = rows, pins
         self.target = self.field = None       # of pins, as the net has it; (position, velocity) -> acceleration, of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
-        self.impacts = Port()         # called with `change` before leapfrog's last half kick: restitution takes impacts out
+        self.impacts = Port()         # called with `change` behind leapfrog's last half kick: restitution takes impacts out
         self.muscles: Any = None      # change rest lengths over time
         self.staged: Any = import_module("wsim.kernels.motion.runge_kutta") if self.integrator.stages else None
         self.moving = self.at_once = self.free = None    # type: Any    # what a march works on, `OneLaunch`, `FreeFrames`
@@ -239,7 +239,7 @@ class Explicit(Method):
 
     def finish(self, clock: Clock) -> None:
         s, step = self.state, self.step(clock, 0.0, 0.0, self.at)
-        if len(self.integrator.steps) == 2 and clock.substeps > 1 and (self.model.fuser or clock.k == clock.substeps - 1):
+        if s.has("b") and clock.substeps > 1 and (self.model.fuser or clock.k == clock.substeps - 1):
             self.model.copy(self.earlier, self.change)
         self.model.launch(self.correct, self.model.points, [self.points.at(d=s.d, a=s.a), self.pair, step],
                           [s.x, s.e, s.v, self.pair, self.change])
@@ -247,7 +247,7 @@ class Explicit(Method):
             self.model.copy(self.own, self.pair, 0, self.at * self.model.points, self.model.points)
         if clock.k == clock.substeps - 1:
             self.model.copy(s.r, self.carry, 0, 0, self.model.points)
-        if clock.k == clock.substeps - 1 and len(self.integrator.steps) == 2:
+        if clock.k == clock.substeps - 1 and s.has("b"):
             self.model.copy(s.b, s.v)
             self.read_out(clock, self.at)
             self.impacts(self.change)

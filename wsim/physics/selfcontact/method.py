@@ -149,7 +149,7 @@ class SelfContact(Method):
     @property
     def going(self) -> bool:
         """Whether sweeps go on while a pair would end too near."""
-        return not (self.settle.halved and (self.contact or self.obstacles or self.strands))
+        return len(self.clock.integrator.steps) != 2 or not (self.contact or self.obstacles or self.strands)
 
     def look(self, clock: Clock, first: int) -> None:
         """Launches the test whether sweeps go on."""

@@ -1,4 +1,4 @@
-"""Velocities of BDF2 and of leapfrog behind contacts of surfaces. Equations: kernels/selfcontact/settle.py."""
+"""Velocities of BDF2, leapfrog and Runge-Kutta steps behind contacts of surfaces. Equations: kernels/selfcontact/settle.py."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ SWEEPS = 12            # fewer leave more of a bounce; momentum is kept by any n
 
 
 class Settle:
-    """memory: of a multistep integrator; halved: of one that is read behind half a kick. Neither: nothing is done."""
+    """memory: of a multistep integrator; halved: of one that is read behind half a kick, or lags by as much
+    where a contact lasts. Neither: nothing is done."""
 
     def __init__(self, method: SelfContact):
         self.method, self.model, self.state = method, method.model, method.state
         self.clock = method.clock
         m = self.clock.integrator
-        self.memory, self.halved = m.memory > 0.0, m.explicit and len(m.steps) == 2
+        self.memory, self.halved = m.memory > 0.0, m.lags
         self.capacity = 0
         if self.memory or self.halved:
             real, module = self.model.real, self.model.module
