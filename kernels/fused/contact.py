@@ -6,7 +6,8 @@ in the order of launches:
     thrown      kernels/contact/restitution.py, where colliders throw back
     corrected   what they changed is a change of velocity, too: `correct` of kernels/motion/explicit.py
 
-The slots keep the contacts of the last substep, as launches do. One thread of a point is in here, the others wait.
+The slots keep the contacts of the last substep, as launches do. One thread of a point is in here, the others wait; but where
+meshes have lists of candidates all search (kernels/fused/contact_faces.py).
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import warp as wp
 from wsim.kernels.contact.project import SUNK, projecting, slots, tables
 from wsim.kernels.contact.restitution import bounces, formula
 from wsim.kernels.contact.search import finding
+from wsim.kernels.fused.contact_faces import finding as sharing
 from wsim.kernels.fused.hold import held, pinning, tethering
 from wsim.kernels.fused.own import owned
 from wsim.kernels.math.real import types
@@ -26,7 +28,7 @@ from wsim.kernels.motion.explicit import ALIKE
 @dataclass(frozen=True)
 class Acts:
     """Things that act. kinds: of colliders; listed: meshes have lists of candidates; throws: some colliders throw back; lanes:
-    threads of a point, where each tries one (kernels/fused/contact_lanes.py)."""
+    threads of a point, where each tries one (kernels/fused/contact_lanes.py); shared: threads that share a list's faces."""
 
     kinds: tuple[str, ...] = ()
     listed: bool = False
@@ -34,6 +36,7 @@ class Acts:
     pinned: bool = False
     tethered: bool = False
     lanes: int = 0
+    shared: int = 0
 
 
 @cache
@@ -88,28 +91,50 @@ def throwing(real):
 @cache
 def acting(acts: Acts, real):
     """Function (c, points, s, hold, out, own, before, k): what acts on a point in substep k, which has moved it from the
-    displacement `before`."""
+    displacement `before`. With `shared` all threads of a block call it."""
     t, Own, Held, Written = types(real), owned(real), held(real), written(real)
     (Rows, Points), Slots, met = tables(real), slots(real), bool(acts.kinds)
-    find, one, throw = finding(acts.kinds, real, False, acts.listed), projecting(real), throwing(real)
-    pin, tether = pinning(real), tethering(real)
+    find, answer = finding(acts.kinds, real, False, acts.listed), answering(acts, real)
+    share = sharing(acts.kinds, real, acts.shared) if acts.shared else None
 
     @wp.func
     def acting(c: Rows, points: Points, s: Slots, hold: Held, out: Written, own: wp.ref[Own], before: t.vec3, k: int):
+        if wp.static(acts.shared > 0):
+            carried = share(c, points, s, own, before, k, out.push)
+            if own.point >= 0 and own.lane == 0:
+                answer(c, points, s, hold, out, own, wp.matrix_from_rows(before, carried), k)
+        else:
+            moved = t.vec3()
+            if wp.static(met):
+                i = own.point
+                deep = s.mark[i] & SUNK
+                if k == 0:
+                    deep = deep | c.deep[0]
+                x = own.x + before
+                moved = find(c, points, s, wp.vec3i(i, k, deep), x, own.d - (x - own.x), out.push)
+            answer(c, points, s, hold, out, own, wp.matrix_from_rows(before, moved), k)
+
+    return acting
+
+
+@cache
+def answering(acts: Acts, real):
+    """Function (c, points, s, hold, out, own, way: rows `before` and by how much contacts carry the point out of overlaps, k):
+    what acts on a point whose contacts are found."""
+    t, Own, Held, Written, two = types(real), owned(real), held(real), written(real), wp.types.matrix((2, 3), real)
+    (Rows, Points), Slots, met = tables(real), slots(real), bool(acts.kinds)
+    one, throw, pin, tether = projecting(real), throwing(real), pinning(real), tethering(real)
+
+    @wp.func
+    def answering(c: Rows, points: Points, s: Slots, hold: Held, out: Written, own: wp.ref[Own], way: two, k: int):
         i = own.point
-        x = own.x + before
+        x = own.x + way[0]
         start = x - own.x                                       # displacement of the rounded place
-        e = before - start
+        e = way[0] - start
         d = own.d - start
-        at = wp.matrix_from_rows(d, e)
+        at = wp.matrix_from_rows(d + way[1], e + way[1])
         own.before = own.change
         own.normal = t.vec3()
-        if wp.static(met):
-            deep = s.mark[i] & SUNK
-            if k == 0:
-                deep = deep | c.deep[0]
-            carried = find(c, points, s, wp.vec3i(i, k, deep), x, d, out.push)
-            at = wp.matrix_from_rows(d + carried, e + carried)
         for m in range(out.iterations):
             if wp.static(acts.pinned):
                 at[0] = pin(hold, wp.vec3i(i, k, m), own.w, x, at)
@@ -129,7 +154,7 @@ def acting(acts: Acts, real):
             own.v = own.v + change
             own.q = own.q + change
 
-    return acting
+    return answering
 
 
 @cache

@@ -19,6 +19,7 @@ from wsim.kernels.contact.project import SUNK, TOUCHED, slots, softness, tables
 from wsim.kernels.contact.project import meeting as pressing
 from wsim.kernels.contact.search import SUNK_FROM, frames
 from wsim.kernels.fused.contact import written
+from wsim.kernels.fused.lanes import sharing
 from wsim.kernels.fused.own import owned
 from wsim.kernels.math.real import types
 
@@ -44,40 +45,6 @@ def looks(real):
         P: t.vec3
 
     return Look
-
-
-@cache
-def sharing(lanes: int, real):
-    """(group, lowest, least, anywhere, of_lane): the mask of threads of a point that say 1; the first in a mask, or -1, and its
-    first n; whether any thread of the warp says not 0; the vector of a thread of the point. All threads of a warp call them."""
-    vec3 = types(real).vec3
-
-    @wp.func_native(cuda(f"return (int)(__ballot_sync(0xffffffffu, said) >> ({lanes} * (threadIdx.x % 32 / {lanes}))"
-                         f" & {(1 << lanes) - 1}u);", "return said;"))
-    def group(said: int) -> int: ...
-
-    @wp.func_native(cuda("return __ffs(mask) - 1;", "return mask - 1;"))
-    def lowest(mask: int) -> int: ...
-
-    @wp.func_native("""int kept = 0;
-    for (int k = 0; k < n && mask; ++k, mask &= mask - 1) kept |= mask & -mask;
-    return kept;""")
-    def least(mask: int, n: int) -> int: ...
-
-    @wp.func_native(cuda("return __any_sync(0xffffffffu, said);", "return said;"))
-    def anywhere(said: int) -> int: ...
-
-    @wp.func_native(cuda(f"""wp::vec_t<3, wp::{real.__name__}> r;
-    for (int k = 0; k < 3; ++k) r[k] = __shfl_sync(0xffffffffu, a[k], lane, {lanes});
-    return r;""", "return a;"))
-    def of_lane(a: vec3, lane: int) -> vec3: ...
-
-    return group, lowest, least, anywhere, of_lane
-
-
-def cuda(text: str, alone: str) -> str:
-    """Code of a function of a warp; on a CPU, of the one thread that a point has there."""
-    return f"#if defined(__CUDA_ARCH__)\n    {text}\n#else\n    {alone}\n#endif\n"
 
 
 @cache

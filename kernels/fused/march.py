@@ -82,7 +82,7 @@ def acted(real, module, plan, damped: bool, acts: Acts):
                 moved(own, kick, step, sub)
                 if wp.static(acts.lanes > 0):
                     meet(rows, at, s, own, seen, before, wp.vec2i(sub, wp.where(sub == step.count - 1, 1, 0)))
-                elif first:
+                elif first or wp.static(acts.shared > 0):
                     act(rows, points, at, hold, s, own, before, sub)
                 send(c, h, step, own, sub)
         leave()
@@ -93,7 +93,7 @@ def acted(real, module, plan, damped: bool, acts: Acts):
                 v = settle(own, own.v + (step.close * own.a + own.r))
             finish(own, v, s.x, s.e, s.v, s.r)
 
-    also = {"pins": acts.pinned, "tethers": acts.tethered, "lanes": acts.lanes > 0}
+    also = {"pins": acts.pinned, "tethers": acts.tethered, "lanes": acts.lanes > 0, "faces": acts.shared > 0}
     name = "_".join(("acted_sheets", *acts.kinds, *(what for what, there in also.items() if there)))
     return wp.kernel(acted, name=name, module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)

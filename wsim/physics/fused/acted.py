@@ -52,6 +52,8 @@ class ActedFrames:
         fits = c is not None and c.rows.most <= plan.lanes and plan.threads <= LANED
         if fits and not (acts.listed or acts.throws or acts.pinned or acts.tethered):
             acts = replace(acts, lanes=plan.lanes)
+        elif acts.listed and plan.lanes > 1:
+            acts = replace(acts, shared=plan.lanes)
         self.kernel = acted(model.real, model.module_of(plan.threads), plan, self.pull.damped, acts)
 
     def whole(self, clock: Clock):

@@ -1,0 +1,179 @@
+"""Contacts of points with colliders of which some are meshes with lists of candidates, within frames of one launch: the threads
+of a point share the faces of its list (lanes.py). What is found is what kernels/contact/search.py finds.
+
+All threads of a warp call these, with `on` not 0 where there is something to do. Lists are made, and slots written, by the
+first thread of a point; the others wait for lists.
+"""
+
+# Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch
+# before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.contact import candidates, collide
+from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, normal, part, reading, settled, toward
+from wsim.kernels.contact.project import SUNK, slots, tables
+from wsim.kernels.contact.search import SUNK_FROM, frames, reachable
+from wsim.kernels.fused.lanes import lists, meet_warp, sharing
+from wsim.kernels.fused.own import owned
+from wsim.kernels.math.real import types
+
+
+@cache
+def touching(kinds: tuple[str, ...], real, lanes: int):
+    """Function (c, L, at: row, point and thread, deep, on, ends, reach: r and margin), as `candidates.touch_listed`."""
+    t, Rows, (corners, steps), cross, formula = types(real), tables(real)[0], reading(real), crossing(real), settled(real)
+    has_solid, (nearest, side, hit), anywhere = "solid" in kinds, lists(lanes), sharing(lanes, real)[3]
+
+    @wp.func
+    def through(c: Rows, L: Any, at: wp.vec3i, way: t.mat33, X: t.mat33, V: t.mat33, what: int):
+        """(Y, front) of the face that is crossed. way: rows q0, q1 and the side; what: < 0 where there is no face."""
+        Y, front, start, length, goes = t.mat33(), real(0.0), way[0], real(0.0), int(0)
+        q1 = way[1]
+        if what >= 0:
+            dist, _n, slip = toward(X, V, what, way[2][0], q1)
+            start = way[0] + slip
+            length = wp.length(q1 - start)
+            goes = wp.where(wp.abs(dist) < length, 1, 0)
+        if anywhere(goes) != 0:
+            kind, mesh, place = c.kind[at[0]], c.mesh[at[0]], wp.vec3i(L.slot[at[0]], at[1], at[2])
+            face = hit(mesh, L, place, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length), goes)
+            if goes != 0 and face >= 0:
+                Y, front = cross(kind, mesh, face, q1 - start)
+        return Y, front
+
+    @wp.func
+    def touching(c: Rows, L: Any, at: wp.vec3i, deep: int, on: int, ends: wp.types.matrix((2, 3), real), reach: t.vec2):
+        kind, mesh, s = c.kind[at[0]], c.mesh[at[0]], L.slot[at[0]]
+        place = wp.vec3i(s, at[1], at[2])
+        q1 = ends[1]
+        most = float(reach[0] + reach[1])
+        q = wp.vec3f(q1)
+        C = real(1.0e30)
+        s0 = C
+        n = q1
+        p = q1
+        slip = t.vec3()
+        sign = float(1.0)
+        sunk = kind == SOLID and deep != 0
+        face, near = nearest(mesh, L, s, at[1], q, most, at[2], wp.where(sunk, 0, on))
+        if has_solid:
+            if on != 0 and sunk:
+                wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(most, float(c.size[at[0]][0])))
+                if wound.result:
+                    face = wound.face
+                    sign = wound.sign
+        X, V, what, behind = t.mat33(), t.mat33(), int(INSIDE), bool(False)
+        if face >= 0:
+            what, first = part(corners(mesh, face, 0), q1)
+            X = corners(mesh, face, first)
+            V = steps(mesh, face, first)
+            behind = what == INSIDE and wp.dot(normal(X), q1 - X[0]) < real(0.0)
+        if has_solid:
+            unsure = face >= 0 and kind == SOLID and deep == 0
+            if unsure:
+                sign = wp.where(behind, float(-1.0), float(1.0))
+            asks = wp.where(unsure and what != INSIDE, 1, 0)
+            if anywhere(asks) != 0:
+                told = side(mesh, L, place, q, face, near, asks)
+                sign = wp.where(asks != 0, told, sign)
+        gap = wp.where(behind, -real(sign), real(sign))
+        Y, front = through(c, L, at, wp.matrix_from_rows(ends[0], ends[1], t.vec3(gap)), X, V, wp.where(face >= 0, what, -1))
+        if face >= 0:
+            C, n, p, s0, slip = formula(X, V, Y, what, t.vec2(gap, front), ends, reach[0])
+        return C, n, p, s0, slip
+
+    return touching
+
+
+@cache
+def against(kinds: tuple[str, ...], real, lanes: int):
+    """Function (c, points, at: row, i, k and thread, deep, on, x, d), as `against` of kernels/contact/search.py."""
+    t, (shapes, meshes), (Rows, Points) = types(real), collide.split(kinds), tables(real)
+    touch, (inside, outside) = collide.touch(shapes, real), frames(real)
+    among, refresh, anywhere = touching(meshes, real, lanes), candidates.refresh(real), sharing(lanes, real)[3]
+
+    @wp.func
+    def against(c: Rows, points: Points, at: wp.vec4i, deep: int, on: int, x: t.vec3, d: t.vec3):
+        row, i, k = at[0], at[1], at[2]
+        T0 = c.pose[k, row]
+        T1 = c.pose[k + 1, row]
+        q0, q1 = inside(T0, T1, x, d)
+        margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
+        r = points.reach[i] + c.gap[row] - c.width                     # the hard contact behind a potential
+        C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
+        listed = wp.where(c.kind[row] >= SOLID, on, 0)
+        if anywhere(listed) != 0:
+            ends = wp.matrix_from_rows(q0, q1)
+            if listed != 0 and at[3] == 0:
+                refresh(c, points, row, i, k, ends, margin + r)
+            meet_warp()
+            C1, m1, p1, s1, slip1 = among(c, points, wp.vec3i(row, i, at[3]), deep, listed, ends, t.vec2(r, margin))
+            if listed != 0:
+                C, m, p, s0, slip = C1, m1, p1, s1, slip1
+        n, way = t.vec3(), t.vec3()
+        if on != 0 and C < margin:
+            n, way = outside(T0, T1, c.step[k, row], m, p, slip)
+        return C, margin, s0, n, way
+
+    return against
+
+
+@cache
+def finding(kinds: tuple[str, ...], real, lanes: int):
+    """Function (c, points, s, own, before, k, push) -> carried, as `finding` of kernels/contact/search.py, of a point that has
+    moved from the displacement `before`; d is known by its first thread."""
+    t, Own, Slots, (Rows, Points) = types(real), owned(real), slots(real), tables(real)
+    meet, (_, _, _, anywhere, of_lane), vectors = against(kinds, real, lanes), sharing(lanes, real), wp.array(dtype=t.vec3)
+
+    @wp.func
+    def finding(c: Rows, points: Points, s: Slots, own: wp.ref[Own], before: t.vec3, k: int, push: vectors):
+        i = wp.max(own.point, 0)
+        x0 = own.x + before
+        d0 = of_lane(own.d, 0) - (x0 - own.x)
+        count, mark, carried = int(0), int(0), t.vec3()
+        deep = s.mark[i] & SUNK
+        if k == 0:
+            deep = deep | c.deep[0]
+        first, end, bound = int(0), int(0), real(0.0)
+        if own.point >= 0:
+            if own.lane == 0:
+                candidates.ends(points, i, k)
+            if points.w[i] > real(0.0):
+                first = c.first[points.object[i]]
+                end = c.first[points.object[i] + 1]
+                bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
+        while anywhere(wp.where(first < end, 1, 0)) != 0:
+            on = int(0)
+            if first < end:
+                if reachable(c.ball[k, first], x0, bound):
+                    on = 1
+            C, margin, s0, n, way = meet(c, points, wp.vec4i(wp.where(on != 0, first, 0), i, k, own.lane), deep, on,
+                                         x0 + carried, d0)
+            if on != 0 and C < margin:
+                over = wp.max(-s0, real(0.0))
+                out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now
+                if over > real(SUNK_FROM) * c.skin:
+                    mark = mark | SUNK
+                if count < s.capacity and own.lane == 0:
+                    j = count * s.points + i
+                    s.row[j] = first
+                    s.n[j] = n
+                    s.b[j] = C + over - out - wp.dot(n, d0 + carried)
+                    s.u[j] = way / c.h
+                    push[j] = t.vec3()
+                carried += out * n
+                count += 1
+            first += 1
+        if own.point >= 0 and own.lane == 0:
+            if count > s.capacity:
+                wp.atomic_max(s.wanted, 0, count)
+            s.count[i] = wp.min(count, s.capacity)
+            s.mark[i] = mark
+        return carried
+
+    return finding
