@@ -4,7 +4,8 @@
 
 SCENE    a USD file; or pile:1000, settled:10000, pyramid:100, column:10 of tools/bench/rigid/speed.py; or plume:128,
          cycle:128, direct:256, ball:128 of tools/bench/fluid/smoke.py (cells along an edge); or twist:50000 of
-         tools/bench/contact/twists.py (points; 15 frames, then 30 a turn)
+         tools/bench/contact/twists.py (points; 15 frames, then 30 a turn); or garment:shirt_102k:fps30 (a scene and a setting)
+         of tools/bench/nets/garments.py
 
 A frame is run without a graph, launch after launch, and each kernel's time is what CUDA's events say (on a CPU, what the
 launch took): the sum is without the gaps between launches. `frame` is the median of
@@ -27,6 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 from tools.bench.contact import twists  # noqa: E402
 from tools.bench.fluid import smoke as fluids  # noqa: E402
+from tools.bench.nets import garments  # noqa: E402
 from tools.bench.rigid import speed  # noqa: E402
 from tools.bench.speed import hardware  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
@@ -44,6 +46,9 @@ def scene_of(word: str):
         return fluids.smoke(int(size), **FLUIDS[name])
     if name == "twist" and size:
         return twists.twist(int(size))
+    if name == "garment" and size:
+        scene, _, setting = size.partition(":")
+        return replace(garments.SCENES[scene](), **garments.SETTINGS[setting or "auto"])
     if not Path(word).exists():
         sys.exit(f"{word}: no such file, and no scene of that name")
     from wsim import load
@@ -74,7 +79,7 @@ def on_gpu(plan) -> list[tuple[str, float]]:
 
 
 def measure(word: str, args) -> dict:
-    sim = Simulation(scene_of(word), device=args.device)
+    sim = Simulation(scene_of(word), device=args.device, fps=garments.RATES.get(word.rpartition(":")[2]))
     sim.run(args.after)
     whole = []
     for _ in range(args.frames):

@@ -45,8 +45,9 @@ class Draw:
         self.size = self.edge * (self.side - 1)
         self.fabric = Fabric(stretch=300.0, shear=80.0, bend=1e-6, thickness=0.1 * self.edge, density=100.0)
         self.centre = self.way() if self.prims == 1 else np.zeros(3)
+        steps = {"explicit": 150 if large else 60}              # shorter edges, higher frequencies
         falls = self.kind in ("drop", "drape", "solids", "stack")
-        settings = {"substeps": 60 if SOLVERS[solver]["solver"] == "explicit" else 12} | SOLVERS[solver]
+        settings = {"substeps": steps.get(SOLVERS[solver]["solver"], 12)} | SOLVERS[solver]
         self.scene = Scene(gravity=(0.0, -9.81 if falls else 0.0, 0.0), fps=60.0, **settings)
         getattr(self, self.kind)()
 

@@ -70,11 +70,12 @@ def test_threads_that_share_faces_find_the_contacts_of_one_that_tries_all(name, 
     v = random.normal(size=(n, 3)) - 25.0 * x
     found = []
     for shared in (0, 1):
-        out = filled(contact.written(wp.float64), x=wp.array(x, dtype=wp.vec3d), push=c.push, iterations=2)
-        hold, d, rate = filled(held(wp.float64), h=c.table.h), wp.zeros(n, dtype=wp.vec3d), wp.zeros(n, dtype=wp.vec3d)
-        c.slots.mark.zero_()
-        wp.launch(frames(c.kinds, wp.float64, shared), n,
-                  [c.table, c.points, c.slots, hold, out, wp.array(v, dtype=wp.vec3d), d, rate], device="cpu")
+        with wp.ScopedDevice("cpu"):
+            out = filled(contact.written(wp.float64), x=wp.array(x, dtype=wp.vec3d), push=c.push, iterations=2)
+            hold, d, rate = filled(held(wp.float64), h=c.table.h), wp.zeros(n, dtype=wp.vec3d), wp.zeros(n, dtype=wp.vec3d)
+            c.slots.mark.zero_()
+            wp.launch(frames(c.kinds, wp.float64, shared), n,
+                      [c.table, c.points, c.slots, hold, out, wp.array(v, dtype=wp.vec3d), d, rate])
         found.append((d.numpy(), rate.numpy(), c.slots.mark.numpy(), c.slots.count.numpy(), c.push.numpy()))
     h = c.table.h
     fallen = SUBSTEPS * h * v + h * h * SUBSTEPS * (SUBSTEPS + 1) / 2 * np.array([0.0, -9.81, 0.0])
