@@ -17,7 +17,8 @@
     iterated                    instead of both where a cluster of blocks iterates
     pressed                     what contacts add to such a step, and to a system
     touch, near                 a launch for contacts (a search a substep, a projection an iteration), a point beside a collider
-    mesh                        a search of a mesh in a substep
+    mesh, wide                  a search of a mesh in a substep; a point beside one, by the seconds of a frame: it looks as far
+                                as it goes in a substep
     met, damped, body           what a frame is said to take besides (`frame`), which no choice depends on: a point that may
                                 touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
                                 time / step), as the iterations of its solve go; a rigid body, or what else
@@ -43,7 +44,8 @@ from wsim.scene.methods import touches
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
 # cluster takes 0.42 us a substep at 1k points, 1.06 at 8k; XPBD 14 colours of 2 us, 2.1e-11 s a spring
 # (choice_h200.json); tets 112 us a substep of 976k, a Newton step of these 4.3 to 8 ms
-# (soft_h200.json); contacts 19 to 25 us to find and 7 to project a million points that touch nothing (contact_h200.json).
+# (soft_h200.json); contacts 19 to 25 us to find and 7 to project a million points that touch nothing (contact_h200.json), 57 to
+# find 6.4k points of a shirt by 96 substeps of 1/24 s, 493 to find 102k by 56 (tools/kernels.py garment:shirt_102k:fps30).
 # Choices among the runs that choice_h200.json has measured: 2 of 35 take over 1.3 times the fastest that errs by less than
 # wanted, 1.54 times at most (tools/bench/choice/costs.py replays it), beside 2 of soft bodies, whose iterations are not in it
 # Newton steps of sheets on a CPU, 12 to 40 points a side (choice_newton_cpu.json): 0.6 to 1.2, below omega h of 200
@@ -54,14 +56,14 @@ COSTS = {
     "cuda": {"step": 4.7e-6, "spring": 1.3e-11, "element": 2.2e-11, "blown": 9e-6, "block": 3.2e-6, "tet": 1.05e-10,
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
              "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
-             "touch": 5.1e-6, "near": 3e-11, "mesh": 5.8e-5,
-             "sheet": 2.5e-6, "shared": 4.7e-10, "sent": 1e-7, "struck": 9e-6, "faced": 2.2e-5,
+             "touch": 5.1e-6, "near": 3e-11, "mesh": 4e-5, "wide": 4.8e-6,
+             "sheet": 2.5e-6, "shared": 4.7e-10, "sent": 1e-7, "struck": 9e-6, "faced": 1.8e-5,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
             "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
             "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
-            "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
+            "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "wide": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
 SHARED_TET = 10.0      # work of a tet that blocks share, in that of sheets
@@ -228,4 +230,5 @@ def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:
         meshes += mesh
         met += model.points * (MESH if mesh else 1.0)
         met += len(c.shape.indices) if isinstance(c.shape, Surface) and (c.shape.poses is not None or c.motion.moves) else 0.0
-    return {"touch": n * (1 + iterations), "near": n * met, "mesh": n * meshes} if model.scene.colliders else {}
+    return {"touch": n * (1 + iterations), "near": n * met, "mesh": n * meshes,
+            "wide": meshes * model.points / model.scene.fps} if model.scene.colliders else {}
