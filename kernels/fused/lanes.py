@@ -2,7 +2,8 @@
 candidates (kernels/contact/candidates.py): what is found is what one thread finds.
 
     nearest   a face each, then the least of (distance, face) of the threads of a point, which bounds the next faces
-    side      weighted normals of a face each, summed in the order of the list
+    side      whether its face is before or behind the point, each; where not all are alike, weighted normals of a face each, summed
+              in the order of the list
     hit       as nearest, of (length of the ray, face)
 
 All threads of a warp call these, with `on` not 0 where there is something to do: they exchange what they found.
@@ -17,7 +18,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.contact import candidates
-from wsim.kernels.math.face import FAR, away, box, edge_length, nearer, sooner, weighted
+from wsim.kernels.math.face import FAR, away, box, edge_length, facing, nearer, sooner, weighted
 from wsim.kernels.math.real import types
 
 
@@ -130,7 +131,7 @@ def ahead(L: Any, s: int, i: int, j: int, count: int, last: float):
 @cache
 def lists(lanes: int):
     """(nearest, side, hit), of kernels/contact/candidates.py, by `lanes` threads; lane: number of the thread; on: see above."""
-    _, _, _, anywhere, of_lane = sharing(lanes, wp.float32)
+    group, _, _, anywhere, of_lane = sharing(lanes, wp.float32)
     first_of = least(lanes)
 
     @wp.func
@@ -163,24 +164,43 @@ def lists(lanes: int):
 
     @wp.func
     def side(mesh: wp.uint64, L: Any, at: wp.vec3i, q: wp.vec3f, nearest: int, dist: float, on: int):
-        """at: slot, point and thread."""
+        """at: slot, point and thread. Normals are weighed only where faces as near are not all on one side of q."""
         s = at[0]
         i = at[1]
         n = wp.vec3f()
+        p = wp.vec3f()
         eps = float(0.0)
         last = float(0.0)
         face = int(0)
+        up = int(0)
+        down = int(0)
         if on != 0:
             eps = float(1.0e-3) * edge_length(mesh)
             last = candidates.within(L, s * L.w.shape[0] + i, q, dist + eps)
+            _dist, p = away(mesh, nearest, q)
+        count = sure(L, s, i, on)
+        j = int(at[2])
+        more = ahead(L, s, i, j, count, last)
+        while anywhere(more) != 0:
+            if more != 0:
+                front = facing(mesh, L.face[face_at(L, s, i, j)], q, p, dist + eps)
+                up = wp.where(front > 0, 1, up)
+                down = wp.where(front < 0, 1, down)
+            j += lanes
+            more = ahead(L, s, i, j, count, last)
+        up = group(up)
+        down = group(down)
+        weigh = int(0)
         if whole(L, s, i, on):
+            weigh = 1
             low, high = box(q, dist + eps)
             query = wp.mesh_query_aabb(mesh, low, high)
             while wp.mesh_query_aabb_next(query, face):
                 n += weighted(mesh, face, q, dist + eps, eps)
-        count = sure(L, s, i, on)
+        elif on != 0 and up != 0 and down != 0:
+            weigh = 1
         j = int(at[2])
-        more = ahead(L, s, i, j, count, last)
+        more = ahead(L, s, i, j, wp.where(weigh != 0, count, 0), last)
         while anywhere(more) != 0:
             part_of = wp.vec3f()
             if more != 0:
@@ -188,12 +208,11 @@ def lists(lanes: int):
             for lane in range(lanes):
                 n += of_lane(part_of, lane)
             j += lanes
-            more = ahead(L, s, i, j, count, last)
-        sign = float(1.0)
-        if on != 0:
-            _dist, p = away(mesh, nearest, q)
-            sign = wp.where(wp.dot(n, q - p) > float(0.0), float(1.0), float(-1.0))
-        return sign
+            more = ahead(L, s, i, j, wp.where(weigh != 0, count, 0), last)
+        before = up != 0
+        if weigh != 0:
+            before = wp.dot(n, q - p) > float(0.0)
+        return wp.where(before, float(1.0), float(-1.0))
 
     @wp.func
     def hit(mesh: wp.uint64, L: Any, at: wp.vec3i, start: wp.vec3f, way: wp.vec3f, length: float, on: int):

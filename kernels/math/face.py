@@ -85,6 +85,18 @@ def weighted(mesh: wp.uint64, face: int, q: wp.vec3f, most: float, eps: float):
 
 
 @wp.func
+def facing(mesh: wp.uint64, face: int, q: wp.vec3f, p: wp.vec3f, most: float):
+    """1 where q is before a face that is no further than `most` [m], by p, the surface's place nearest to q, -1 where it is not;
+    0 for a face further away. Where all faces say one thing, so does the sum of their weighted normals."""
+    front = int(0)
+    dist, _p = away(mesh, face, q)
+    if dist <= most:
+        X = corners_of(mesh, face)
+        front = wp.where(wp.dot(wp.cross(X[1] - X[0], X[2] - X[0]), q - p) > float(0.0), 1, -1)
+    return front
+
+
+@wp.func
 def box(q: wp.vec3f, r: float):
     more = r + SLACK * (r + wp.max(wp.abs(q)))
     half = wp.vec3f(more, more, more)
