@@ -2,7 +2,7 @@
 candidates (kernels/contact/candidates.py): what is found is what one thread finds.
 
     nearest   a face each, then the least of (distance, face) of the threads of a point, which bounds the next faces
-    side      whether its face is before or behind the point, each; where not all are alike, weighted normals of a face each, summed
+    side      whether the point is before a face, each; where not all say so, or none, weighted normals of a face each, summed
               in the order of the list
     hit       as nearest, of (length of the ray, face)
 
@@ -163,8 +163,24 @@ def lists(lanes: int):
         return first, dist
 
     @wp.func
+    def mixed(mesh: wp.uint64, L: Any, at: wp.vec3i, q: wp.vec3f, p: wp.vec3f, ends: wp.vec2f, count: int):
+        """1 where q is before some faces of a list, 2 where it is not, 3 where both are; ends: how far from q, in the list."""
+        up = int(0)
+        down = int(0)
+        j = int(at[2])
+        more = ahead(L, at[0], at[1], j, count, ends[1])
+        while anywhere(more) != 0:
+            if more != 0:
+                front = facing(mesh, L.face[face_at(L, at[0], at[1], j)], q, p, ends[0])
+                up = wp.where(front > 0, 1, up)
+                down = wp.where(front < 0, 1, down)
+            j += lanes
+            more = ahead(L, at[0], at[1], j, count, ends[1])
+        return wp.where(group(up) != 0, 1, 0) + wp.where(group(down) != 0, 2, 0)
+
+    @wp.func
     def side(mesh: wp.uint64, L: Any, at: wp.vec3i, q: wp.vec3f, nearest: int, dist: float, on: int):
-        """at: slot, point and thread. Normals are weighed only where faces as near are not all on one side of q."""
+        """at: slot, point and thread."""
         s = at[0]
         i = at[1]
         n = wp.vec3f()
@@ -172,35 +188,21 @@ def lists(lanes: int):
         eps = float(0.0)
         last = float(0.0)
         face = int(0)
-        up = int(0)
-        down = int(0)
         if on != 0:
             eps = float(1.0e-3) * edge_length(mesh)
             last = candidates.within(L, s * L.w.shape[0] + i, q, dist + eps)
             _dist, p = away(mesh, nearest, q)
         count = sure(L, s, i, on)
-        j = int(at[2])
-        more = ahead(L, s, i, j, count, last)
-        while anywhere(more) != 0:
-            if more != 0:
-                front = facing(mesh, L.face[face_at(L, s, i, j)], q, p, dist + eps)
-                up = wp.where(front > 0, 1, up)
-                down = wp.where(front < 0, 1, down)
-            j += lanes
-            more = ahead(L, s, i, j, count, last)
-        up = group(up)
-        down = group(down)
-        weigh = int(0)
+        said = mixed(mesh, L, at, q, p, wp.vec2f(dist + eps, last), count)
         if whole(L, s, i, on):
-            weigh = 1
+            said = 3
             low, high = box(q, dist + eps)
             query = wp.mesh_query_aabb(mesh, low, high)
             while wp.mesh_query_aabb_next(query, face):
                 n += weighted(mesh, face, q, dist + eps, eps)
-        elif on != 0 and up != 0 and down != 0:
-            weigh = 1
         j = int(at[2])
-        more = ahead(L, s, i, j, wp.where(weigh != 0, count, 0), last)
+        count = wp.where(said == 3, count, 0)
+        more = ahead(L, s, i, j, count, last)
         while anywhere(more) != 0:
             part_of = wp.vec3f()
             if more != 0:
@@ -208,9 +210,9 @@ def lists(lanes: int):
             for lane in range(lanes):
                 n += of_lane(part_of, lane)
             j += lanes
-            more = ahead(L, s, i, j, wp.where(weigh != 0, count, 0), last)
-        before = up != 0
-        if weigh != 0:
+            more = ahead(L, s, i, j, count, last)
+        before = said == 1
+        if said == 3:
             before = wp.dot(n, q - p) > float(0.0)
         return wp.where(before, float(1.0), float(-1.0))
 

@@ -86,8 +86,8 @@ def weighted(mesh: wp.uint64, face: int, q: wp.vec3f, most: float, eps: float):
 
 @wp.func
 def facing(mesh: wp.uint64, face: int, q: wp.vec3f, p: wp.vec3f, most: float):
-    """1 where q is before a face that is no further than `most` [m], by p, the surface's place nearest to q, -1 where it is not;
-    0 for a face further away. Where all faces say one thing, so does the sum of their weighted normals."""
+    """1 where q is before a face that is no further than `most` [m], by p, the surface's place nearest to q, -1 where it is
+    not; 0 for a face further away. Where all faces say one thing, so does the sum of their weighted normals."""
     front = int(0)
     dist, _p = away(mesh, face, q)
     if dist <= most:
