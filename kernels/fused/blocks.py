@@ -23,17 +23,7 @@ WORDS = {   # of CUDA. What others send counts on a barrier, as in kernels/motio
             asm volatile("fence.mbarrier_init.release.cluster;" ::: "memory");
         }}
         {MEETS}""",
-    "CLUSTER_WAITS": """
-            const unsigned gate = gates + 8 * (sub & 1), bytes = sizeof(float4) * (RATES ? 2 : 1) * (there - owned);
-            __syncwarp();
-            if (t == 0)
-                asm volatile("{.reg .b64 a; mbarrier.arrive.expect_tx.release.cta.shared::cta.b64 a, [%0], %1;}"
-                             :: "r"(gate), "r"(bytes) : "memory");
-            else if (t % 32 == 0)
-                asm volatile("{.reg .b64 a; mbarrier.arrive.release.cta.shared::cta.b64 a, [%0];}" :: "r"(gate) : "memory");
-            for (unsigned done = 0; !done; )
-                asm volatile("{.reg .pred p; mbarrier.try_wait.parity.acquire.cta.shared::cta.b64 p, [%1], %2;"
-                             "selp.u32 %0, 1, 0, p;}" : "=r"(done) : "r"(gate), "r"((sub >> 1) & 1) : "memory");""",
+    "CLUSTER_WAITS": "attend(gates + 8 * (sub & 1), sizeof(float4) * (RATES ? 2 : 1) * (there - owned), (sub >> 1) & 1);",
 }
 BEFORE = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
@@ -41,12 +31,23 @@ BEFORE = """
     const unsigned gates = (unsigned)__cvta_generic_to_shared(sheet_room);    // two barriers of eight bytes
     auto reciprocal = [](float a) { float r; asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a)); return r; };
     auto reciprocal_root = [](float a) { float r; asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a)); return r; };
-    auto send = [=](int block, const float4* place, float4 a, int sub) {      // to the same place in another block's memory
+    auto send = [=](int block, const float4* place, float4 a, unsigned gate) {    // to the same place in another block's memory
         unsigned to, by;
         asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(to) : "r"((unsigned)__cvta_generic_to_shared(place)), "r"(block));
-        asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(by) : "r"(gates + 8 * (sub & 1)), "r"(block));
+        asm("mapa.shared::cluster.u32 %0, %1, %2;" : "=r"(by) : "r"(gate), "r"(block));
         asm volatile("st.async.shared::cluster.mbarrier::complete_tx::bytes.v4.f32 [%0], {%1, %2, %3, %4}, [%5];"
                      :: "r"(to), "f"(a.x), "f"(a.y), "f"(a.z), "f"(a.w), "r"(by) : "memory");
+    };
+    auto attend = [](unsigned gate, unsigned bytes, unsigned phase) {         // all threads of the block, and so many bytes
+        __syncwarp();
+        if (threadIdx.x == 0)
+            asm volatile("{.reg .b64 a; mbarrier.arrive.expect_tx.release.cta.shared::cta.b64 a, [%0], %1;}"
+                         :: "r"(gate), "r"(bytes) : "memory");
+        else if (threadIdx.x % 32 == 0)
+            asm volatile("{.reg .b64 a; mbarrier.arrive.release.cta.shared::cta.b64 a, [%0];}" :: "r"(gate) : "memory");
+        for (unsigned done = 0; !done; )
+            asm volatile("{.reg .pred p; mbarrier.try_wait.parity.acquire.cta.shared::cta.b64 p, [%1], %2;"
+                         "selp.u32 %0, 1, 0, p;}" : "=r"(done) : "r"(gate), "r"(phase) : "memory");
     };
     auto post = [](float4* place, float4 a, int turn) {     // 16 bytes at once
         asm volatile("{.reg .b64 a, b; .reg .b128 v; mov.b64 a, {%1, %2}; mov.b64 b, {%3, %4}; mov.b128 v, {a, b};"

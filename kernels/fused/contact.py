@@ -2,16 +2,17 @@
 in the order of launches:
 
     found       contacts, kernels/contact/search.py, at the place where the substep began, rounded as x is between launches
-    held        soft pins and tethers, hold.py; contacts, kernels/contact/project.py: in each iteration
+    held        soft pins and tethers, hold.py; strain limits, limits.py; contacts, kernels/contact/project.py: in each iteration
     thrown      kernels/contact/restitution.py, where colliders throw back
     corrected   what they changed is a change of velocity, too: `correct` of kernels/motion/explicit.py
 
 The slots keep the contacts of the last substep, as launches do. One thread of a point is in here, the others wait; but where
-meshes have lists of candidates all search (kernels/fused/contact_faces.py).
+meshes have lists of candidates all search (kernels/fused/contact_faces.py), and all threads of a block sweep over its limits.
 """
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import warp as wp
 
@@ -20,6 +21,7 @@ from wsim.kernels.contact.restitution import bounces, formula
 from wsim.kernels.contact.search import finding
 from wsim.kernels.fused.contact_faces import finding as sharing
 from wsim.kernels.fused.hold import held, pinning, tethering
+from wsim.kernels.fused.limits import sweeping
 from wsim.kernels.fused.own import owned
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import ALIKE
@@ -28,7 +30,8 @@ from wsim.kernels.motion.explicit import ALIKE
 @dataclass(frozen=True)
 class Acts:
     """Things that act. kinds: of colliders; listed: meshes have lists of candidates; throws: some colliders throw back; lanes:
-    threads of a point, where each tries one (kernels/fused/contact_lanes.py); shared: threads that share a list's faces."""
+    threads of a point, where each tries one (kernels/fused/contact_lanes.py); shared: threads that share a list's faces;
+    limits: the `wsim.physics.fused.domains.Plan` of sheets that have strain limits; damped: they have damping."""
 
     kinds: tuple[str, ...] = ()
     listed: bool = False
@@ -37,6 +40,13 @@ class Acts:
     tethered: bool = False
     lanes: int = 0
     shared: int = 0
+    limits: Any = None
+    damped: bool = False
+
+    @property
+    def together(self) -> bool:
+        """True if all threads of a block act."""
+        return self.shared > 0 or self.limits is not None
 
 
 @cache
@@ -91,7 +101,7 @@ def throwing(real):
 @cache
 def acting(acts: Acts, real):
     """Function (c, points, s, hold, out, own, before, k): what acts on a point in substep k, which has moved it from the
-    displacement `before`. With `shared` all threads of a block call it."""
+    displacement `before`. Where `Acts.together` all threads of a block call it."""
     t, Own, Held, Written = types(real), owned(real), held(real), written(real)
     (Rows, Points), Slots, met = tables(real), slots(real), bool(acts.kinds)
     find, answer = finding(acts.kinds, real, False, acts.listed), answering(acts, real)
@@ -99,19 +109,23 @@ def acting(acts: Acts, real):
 
     @wp.func
     def acting(c: Rows, points: Points, s: Slots, hold: Held, out: Written, own: wp.ref[Own], before: t.vec3, k: int):
+        moved = t.vec3()
+        first = bool(True)
+        if wp.static(acts.together):
+            first = own.point >= 0 and own.lane == 0
         if wp.static(acts.shared > 0):
-            carried = share(c, points, s, own, before, k, out.push)
-            if own.point >= 0 and own.lane == 0:
-                answer(c, points, s, hold, out, own, wp.matrix_from_rows(before, carried), k)
-        else:
-            moved = t.vec3()
-            if wp.static(met):
+            moved = share(c, points, s, own, before, k, out.push)
+        elif wp.static(met):
+            if first:
                 i = own.point
                 deep = s.mark[i] & SUNK
                 if k == 0:
                     deep = deep | c.deep[0]
                 x = own.x + before
                 moved = find(c, points, s, wp.vec3i(i, k, deep), x, own.d - (x - own.x), out.push)
+        if wp.static(acts.limits is not None):
+            answer(c, points, s, hold, out, own, wp.matrix_from_rows(before, moved), k)
+        elif first:
             answer(c, points, s, hold, out, own, wp.matrix_from_rows(before, moved), k)
 
     return acting
@@ -120,14 +134,18 @@ def acting(acts: Acts, real):
 @cache
 def answering(acts: Acts, real):
     """Function (c, points, s, hold, out, own, way: rows `before` and by how much contacts carry the point out of overlaps, k):
-    what acts on a point whose contacts are found."""
+    what acts on a point whose contacts are found. With `limits` all threads of a block call it."""
     t, Own, Held, Written, two = types(real), owned(real), held(real), written(real), wp.types.matrix((2, 3), real)
     (Rows, Points), Slots, met = tables(real), slots(real), bool(acts.kinds)
     one, throw, pin, tether = projecting(real), throwing(real), pinning(real), tethering(real)
+    sweep = sweeping(real, acts.limits, acts.damped)[1] if acts.limits else None
 
     @wp.func
     def answering(c: Rows, points: Points, s: Slots, hold: Held, out: Written, own: wp.ref[Own], way: two, k: int):
         i = own.point
+        first = bool(True)
+        if wp.static(acts.limits is not None):
+            first = i >= 0 and own.lane == 0
         x = own.x + way[0]
         start = x - own.x                                       # displacement of the rounded place
         e = way[0] - start
@@ -136,23 +154,28 @@ def answering(acts: Acts, real):
         own.before = own.change
         own.normal = t.vec3()
         for m in range(out.iterations):
-            if wp.static(acts.pinned):
-                at[0] = pin(hold, wp.vec3i(i, k, m), own.w, x, at)
-            if wp.static(acts.tethered):
-                at[0] = tether(hold, i, k, x, at[0])
+            if first:
+                if wp.static(acts.pinned):
+                    at[0] = pin(hold, wp.vec3i(i, k, m), own.w, x, at)
+                if wp.static(acts.tethered):
+                    at[0] = tether(hold, i, k, x, at[0])
+            if wp.static(acts.limits is not None):
+                at[0] = sweep(hold.limits, own, at[0], k, k * out.iterations + m)
             if wp.static(met):
-                if s.count[i] > 0:
-                    at[0] = one(c, points, s, i, hold.h, at, out.push, out.push)
-        if wp.static(met and acts.throws):
-            at = throw(out.bounces, s, out.push, own, at, d - e)
-        change = ((at[0] - at[1]) - (d - e)) / hold.h
-        own.change = change
-        if wp.dot(change, change) > real(0.0) or wp.dot(at[1] - e, at[1] - e) > real(0.0):
-            moved = start + at[0]
-            own.s = own.s + (at[0] - (moved - start))
-            own.d = moved
-            own.v = own.v + change
-            own.q = own.q + change
+                if first:
+                    if s.count[i] > 0:
+                        at[0] = one(c, points, s, i, hold.h, at, out.push, out.push)
+        if first:
+            if wp.static(met and acts.throws):
+                at = throw(out.bounces, s, out.push, own, at, d - e)
+            change = ((at[0] - at[1]) - (d - e)) / hold.h
+            own.change = change
+            if wp.dot(change, change) > real(0.0) or wp.dot(at[1] - e, at[1] - e) > real(0.0):
+                moved = start + at[0]
+                own.s = own.s + (at[0] - (moved - start))
+                own.d = moved
+                own.v = own.v + change
+                own.q = own.q + change
 
     return answering
 

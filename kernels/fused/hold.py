@@ -1,4 +1,4 @@
-"""Soft pins and tethers of a point within frames of one launch (kernels/fused/march.py), in the order of launches.
+"""Soft pins and tethers of a point, and what limits read, within frames of one launch (kernels/fused/march.py), in the order of launches.
 
     x   where the substep began [m]     d   displacement, a   anchor [m]: velocity (d - a) / g, g the substep [s]
 
@@ -10,13 +10,14 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.fused.limits import bounds
 from wsim.kernels.math.real import types
 
 
 @cache
 def held(real):
-    """Struct of what holds points: reads only, but for lam."""
-    t = types(real)
+    """Struct of what holds points: reads only, but for lam, and the letters of limits."""
+    t, Limits = types(real), bounds(real)
 
     @wp.struct
     class Held:
@@ -33,6 +34,7 @@ def held(real):
         target: wp.array2d(dtype=t.vec3)     # of hard pins [m], (rows, pins)
         stride: int                          # rows of it a substep
         h: real                              # substep [s]
+        limits: Limits
 
     return Held
 

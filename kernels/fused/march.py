@@ -12,6 +12,7 @@ from wsim.kernels.fused.contact_lanes import acting as meeting
 from wsim.kernels.fused.contact_lanes import looking
 from wsim.kernels.fused.domains import sheets
 from wsim.kernels.fused.hold import held
+from wsim.kernels.fused.limits import sweeping
 from wsim.kernels.fused.own import ending, moving, owned
 from wsim.kernels.fused.sheet import passes
 from wsim.kernels.math.real import types
@@ -62,10 +63,13 @@ def acted(real, module, plan, damped: bool, acts: Acts):
     enter, forces, send, leave = passes(real, plan, damped, acts=True)
     (_, moved), finish, settle, look = moving(real), ending(real), settled(real), looking(real)
     act, meet = acting(acts, real), meeting(acts.kinds, real, acts.lanes) if acts.lanes else None
+    fill = sweeping(real, acts.limits, acts.damped)[0] if acts.limits else None
 
     def acted(c: Net, h: Sheets, step: Step, s: Written, rows: Rows, points: Points, at: Slots, hold: Held):
         room = wp.tile_empty(shape=wp.static(plan.words), dtype=float, storage="shared")      # `sheet_room`   # noqa: F841
         own = Own()
+        if wp.static(acts.limits is not None):
+            fill(c, h, hold.limits)
         enter(c, h, step, s.x, s.e, s.v, s.r, own)
         if own.point >= 0 and own.w > real(0.0) and s.halved == 0:
             own.v = s.half[own.point]
@@ -82,7 +86,7 @@ def acted(real, module, plan, damped: bool, acts: Acts):
                 moved(own, kick, step, sub)
                 if wp.static(acts.lanes > 0):
                     meet(rows, at, s, own, seen, before, wp.vec2i(sub, wp.where(sub == step.count - 1, 1, 0)))
-                elif first or wp.static(acts.shared > 0):
+                elif first or wp.static(acts.together):
                     act(rows, points, at, hold, s, own, before, sub)
                 send(c, h, step, own, sub)
         leave()
@@ -93,7 +97,8 @@ def acted(real, module, plan, damped: bool, acts: Acts):
                 v = settle(own, own.v + (step.close * own.a + own.r))
             finish(own, v, s.x, s.e, s.v, s.r)
 
-    also = {"pins": acts.pinned, "tethers": acts.tethered, "lanes": acts.lanes > 0, "faces": acts.shared > 0}
+    also = {"pins": acts.pinned, "tethers": acts.tethered, "limits": acts.limits is not None, "lanes": acts.lanes > 0,
+            "faces": acts.shared > 0}
     name = "_".join(("acted_sheets", *acts.kinds, *(what for what, there in also.items() if there)))
     return wp.kernel(acted, name=name, module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=(plan.threads, 1), cluster_dim=1 if plan.grid else plan.size)

@@ -200,8 +200,8 @@ SEND = """
     }
     for (int k = own.push; k < own.pushes_end; k += LANES) {
         const int block = push[k] >> 16, slot = push[k] & 0xffff;
-        send(block, D + S * from + slot, d1, sub);
-        if (RATES) send(block, Q + S * from + slot, q1, sub);
+        send(block, D + S * from + slot, d1, gates + 8 * (sub & 1));
+        if (RATES) send(block, Q + S * from + slot, q1, gates + 8 * (sub & 1));
     }
     if (own.moves && step.stride && sub + 1 < step.count) {
         const float* goals = (const float*)c.target.data + 3 * ((step.row + sub + 1) * c.target.shape[1] + own.column);

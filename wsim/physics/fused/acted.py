@@ -1,5 +1,5 @@
 """Frames of leapfrog in one launch of blocks that share sheets, in which others act on points within every substep: contacts,
-soft pins, tethers. See kernels/fused/contact.py."""
+soft pins, tethers, strain limits. See kernels/fused/contact.py."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from wsim.geometry.topology import incident
 from wsim.kernels.contact.project import slots, tables
 from wsim.kernels.contact.restitution import bounces
 from wsim.kernels.fused.contact import Acts, written
 from wsim.kernels.fused.hold import held
+from wsim.kernels.fused.limits import bounds
+from wsim.kernels.math.real import types
 from wsim.model.stage import Clock, Methods
 from wsim.model.structs import filled
 
@@ -26,6 +29,7 @@ class ActedFrames:
     contact: Any = None          # methods whose tables are read where they are when a frame is launched
     pins: Any = None
     tethers: Any = None          # `wsim.physics.solver.batch.Batch`
+    limits: Any = None           # the same
 
     def __init__(self, one):
         self.one, self.method, self.model, self.pull, self.send = one, one.method, one.model, one.pull, one.send
@@ -41,20 +45,33 @@ class ActedFrames:
             first, item = incident(self.pins.place["soft"].numpy()[:, None], model.points)
             self.hold.first, self.hold.item = (model.upload(a.astype(np.int32), int) for a in (first, item))
         if "xpbd" in taken:
-            (self.tethers,) = others.find("batches")
-            ends, tether = self.tethers.data.point.numpy(), np.full(model.points, -1, np.int32)
-            tether[ends[:, 1]] = np.arange(len(ends))
-            self.hold.tether = model.upload(tether, int)
+            self.hold_back({batch.kind: batch for batch in others.find("batches")})
         from wsim.kernels.fused.march import acted
         c = self.contact.contacts if self.contact else None
         acts = Acts(c.kinds if c else (), bool(c and c.meshes), bool(c and self.contact.bounce), bool(self.pins),
-                    bool(self.tethers))
+                    bool(self.tethers), limits=plan if self.limits else None, damped=self.pull.damped)
         fits = c is not None and c.rows.most <= plan.lanes and plan.threads <= LANED
-        if fits and not (acts.listed or acts.throws or acts.pinned or acts.tethered):
+        if fits and not (acts.listed or acts.throws or acts.pinned or acts.tethered or acts.limits):
             acts = replace(acts, lanes=plan.lanes)
         elif acts.listed and plan.lanes > 1:
             acts = replace(acts, shared=plan.lanes)
         self.kernel = acted(model.real, model.module_of(plan.threads), plan, self.pull.damped, acts)
+
+    def hold_back(self, batches: dict[str, Any]) -> None:
+        """Takes tethers and strain limits."""
+        model, self.tethers, self.limits = self.model, batches.get("tether"), batches.get("limit")
+        if self.tethers:
+            ends, tether = self.tethers.data.point.numpy(), np.full(model.points, -1, np.int32)
+            tether[ends[:, 1]] = np.arange(len(ends))
+            self.hold.tether = model.upload(tether, int)
+        if self.limits:
+            plan, found = self.pull.cluster, self.pull.domains.limits
+            head, every = found.lists(np.argsort(self.limits.order))
+            size = (plan.inbox + 2 * plan.guests) * plan.size * plan.grid
+            self.bounds = filled(bounds(model.real), head=model.upload(head, int), list=model.upload(every, int),
+                                 mail=wp.zeros(size, dtype=types(model.real).vec4, device=model.device),
+                                 longest=self.limits.data.rest)
+            self.hold.limits = self.bounds
 
     def whole(self, clock: Clock):
         """Half a kick in the first substep where no velocity of half a step before is known."""
@@ -76,6 +93,8 @@ class ActedFrames:
     def by_cluster(self, clock: Clock) -> None:
         pull, s, real = self.pull, self.method.state, self.model.real
         pull.domains.begin()
+        if self.limits:
+            self.model.zero(self.bounds.mail)
         out = filled(written(real), x=s.x, e=s.e, v=s.v, r=s.r, half=s.b, halved=int(clock.halved),
                      iterations=clock.iterations)
         met: list = [tables(real)[0](), tables(real)[1](), slots(real)()]

@@ -20,6 +20,7 @@ from wsim.geometry.topology import incident, slots
 from wsim.kernels.cloth.curvature import SLOTS
 from wsim.kernels.fused import tet_elements
 from wsim.kernels.fused.domains import LISTS, sheets
+from wsim.kernels.fused.limits import words as limits
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import fem
 from wsim.model.structs import filled
@@ -58,6 +59,12 @@ class Plan:
     tets: int = FOUR
     materials: tuple[str, ...] = ()      # of tets: those of kernels/fused/tet_elements.py
     meshes: bool = False                 # colliders are met
+    edges: int = 0                       # with a strain limit, and what else `wsim.physics.fused.limits` has of them
+    colours: int = 0
+    inbox: int = 0
+    guests: int = 0
+    letters: int = 0
+    firsts: int = 0
 
     @property
     def grid(self) -> bool:
@@ -87,7 +94,7 @@ class Plan:
         integers = 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
         reals += tet_elements.WORDS * self.tets
         return (FOUR * (vectors + (2 + self.air) * self.triangles) + reals + (1 + 2 * self.air) * self.triangles
-                + integers + 4 * FOUR)
+                + integers + 4 * FOUR + (limits(self) if self.edges else 0))
 
 
 def halves(x: np.ndarray, index: np.ndarray, size: int) -> list[np.ndarray]:
@@ -226,11 +233,11 @@ def shared(pull, taken: frozenset[str]) -> Sheets | None:
 
 
 def takes(model) -> bool:
-    """True if blocks may take along what acts within substeps of a model: tethers, contacts with what keeps its shape; no
-    loads, and no strain limits, which hold points of other blocks one after another."""
+    """True if blocks may take along what acts within substeps of a model: tethers, strain limits, contacts with what keeps its
+    shape; no loads."""
     from wsim.physics.contact.clearance import lasting
     hard = {r.kind for r in model.constraints if r.hard}
-    return hard <= {"tether"} and lasting(model.scene) and not (carried(model.scene) or model.scene.loads)
+    return hard <= {"tether", "limit"} and lasting(model.scene) and not (carried(model.scene) or model.scene.loads)
 
 
 def apart(pull) -> bool:
@@ -256,12 +263,17 @@ class Sheets:
     def __init__(self, pull, air: bool, meshes: bool):
         """air: it acts, and on nothing but triangles; meshes: points meet some."""
         self.model = model = pull.model
+        self.limits: Any = None              # `wsim.physics.fused.limits.Limits`
         of = {e.kind: e for e in pull.elements if isinstance(e, Elements)}
         flat, bent, solid = of.get("membrane"), of.get("dihedral"), pull.tables
         for size in blocks_of(model.device, model.points):
             found = Domains(model.stack("rest"), flat.ids if flat else NONE[:, :3], bent.ids if bent else NONE,
                             bent.curvature.tables() if bent else {}, size, pull.damped,
                             np.concatenate([NONE, *(table.ids for table in solid)]), air=air, meshes=meshes)
+            if found.plan and any(r.kind == "limit" for r in model.constraints):
+                from wsim.physics.fused.limits import Limits, edges_of
+                self.limits = Limits(found, *edges_of(model))
+                found.plan = self.limits.plan
             if found.plan:
                 break
         if found.plan is None:
