@@ -2,7 +2,7 @@
 in the order of launches:
 
     found       contacts, kernels/contact/search.py, at the place where the substep began, rounded as x is between launches
-    held        soft pins and tethers, hold.py; strain limits, limits.py; contacts, kernels/contact/project.py: in each iteration
+    held        soft pins and tethers, hold.py; strain limits, limits.py; contacts, kernels/contact/project.py: each iteration
     thrown      kernels/contact/restitution.py, where colliders throw back
     corrected   what they changed is a change of velocity, too: `correct` of kernels/motion/explicit.py
 
@@ -123,9 +123,7 @@ def acting(acts: Acts, real):
                     deep = deep | c.deep[0]
                 x = own.x + before
                 moved = find(c, points, s, wp.vec3i(i, k, deep), x, own.d - (x - own.x), out.push)
-        if wp.static(acts.limits is not None):
-            answer(c, points, s, hold, out, own, wp.matrix_from_rows(before, moved), k)
-        elif first:
+        if first or wp.static(acts.limits is not None):
             answer(c, points, s, hold, out, own, wp.matrix_from_rows(before, moved), k)
 
     return acting

@@ -1,4 +1,5 @@
-"""Soft pins and tethers of a point, and what limits read, within frames of one launch (kernels/fused/march.py), in the order of launches.
+"""Soft pins and tethers of a point within frames of one launch (kernels/fused/march.py), in the order of launches; behind them
+come strain limits (limits.py).
 
     x   where the substep began [m]     d   displacement, a   anchor [m]: velocity (d - a) / g, g the substep [s]
 

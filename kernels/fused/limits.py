@@ -85,8 +85,9 @@ SWEEP = """
             const int a = word.y & 0xffff, b = word.y >> 16;
             float4 d0 = Y[a + (a >= GUEST ? part * GUESTS : 0)], d1 = Y[b + (b >= GUEST ? part * GUESTS : 0)];
             const float4 X0 = X[i], X1 = X[j], A0 = from[i], A1 = from[j];
-            const float x = ((X1.x + A1.x) - (X0.x + A0.x)) + (d1.x - d0.x), y = ((X1.y + A1.y) - (X0.y + A0.y)) + (d1.y - d0.y),
-                        z = ((X1.z + A1.z) - (X0.z + A0.z)) + (d1.z - d0.z), most = longest[e];
+            const float x = ((X1.x + A1.x) - (X0.x + A0.x)) + (d1.x - d0.x), most = longest[e];
+            const float y = ((X1.y + A1.y) - (X0.y + A0.y)) + (d1.y - d0.y);
+            const float z = ((X1.z + A1.z) - (X0.z + A0.z)) + (d1.z - d0.z);
             const float far = x * x + y * y + z * z;
             if (far > most * most) {
                 const float w0 = weight[i], w1 = weight[j], way = sqrtf(far), w = w0 + w1;

@@ -7,7 +7,8 @@ from tests.physics.fused.test_fused import sheet
 from wsim.kernels.cloth.curvature import SLOTS
 from wsim.model.model import build
 from wsim.physics.cloth.constraints import constrain
-from wsim.physics.fused.domains import NONE, Domains, Plan, halves
+from wsim.physics.fused.domains import NONE, Domains, halves
+from wsim.physics.fused.plan import Plan
 from wsim.scene import shapes
 
 wp = pytest.importorskip("warp")
@@ -102,7 +103,7 @@ def test_corners_are_places_of_what_a_block_keeps_and_is_sent(parts, size):
 
 
 def test_what_does_not_fit_has_no_plan(parts, monkeypatch):
-    from wsim.physics.fused import domains
+    from wsim.physics.fused import plan
     assert isinstance(Domains(*parts, 8, True).plan, Plan)
-    monkeypatch.setattr(domains, "ROOM", 4096)
+    monkeypatch.setattr(plan, "ROOM", 4096)
     assert Domains(*parts, 8, True).plan is None

@@ -1,5 +1,5 @@
-"""Sweeps over strain limits by the blocks that share a sheet: as lists and letters have it, run here block by block in any order
-that letters allow."""
+"""Sweeps over strain limits by the blocks that share a sheet: as lists and letters have it, run here block by block in any
+order that letters allow."""
 
 import numpy as np
 import pytest

@@ -9,7 +9,7 @@ the colours. See kernels/fused/limits.py.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,10 @@ from wsim.geometry.topology import order_of
 from wsim.kernels.fused.limits import BLOCK, LISTS, SLOT
 from wsim.model.model import Model
 from wsim.physics.cloth.constraints import colored
-from wsim.physics.fused.domains import FOUR, Domains, Plan
+from wsim.physics.fused.plan import FOUR, Plan
+
+if TYPE_CHECKING:
+    from wsim.physics.fused.domains import Domains
 
 
 def edges_of(model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -46,8 +49,8 @@ class Limits:
         most = {"edges": np.diff(self.first), "inbox": self.arrived[:, -1], "guests": np.diff(self.guest_first),
                 "letters": np.bincount(self.sender, minlength=self.size), "firsts": np.bincount(
                     self.block[self.guest % len(self.block)], minlength=self.size)}
-        plan = replace(domains.plan, colours=self.count, **{
-            name: max(FOUR, -(-int(each.max()) // FOUR) * FOUR) for name, each in most.items()})
+        sizes: dict[str, Any] = {name: max(FOUR, -(-int(each.max()) // FOUR) * FOUR) for name, each in most.items()}
+        plan = replace(domains.plan, colours=self.count, **sizes)
         self.plan: Any = plan if 4 * plan.words <= plan.room else None
 
     def slots(self, domains: Domains) -> np.ndarray:

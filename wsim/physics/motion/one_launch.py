@@ -68,7 +68,8 @@ def whole_frames(method, size: int, what: str) -> tuple[Any, list[Stage]]:
             one.kernel = pull.frames()
         else:
             from wsim.physics.fused.acted import ActedFrames
-            hard = " and ".join(sorted({f"{r.kind}s" for r in method.model.constraints if r.hard}))
+            kinds = {"limit": "strain limits", "tether": "tethers"}
+            hard = ", ".join(sorted({kinds[r.kind] for r in method.model.constraints if r.hard}))
             one, what = ActedFrames(one), f"{what}, with {', '.join(sorted(method.taken)).replace('xpbd', hard)}"
         return one, [Stage(method.integrator.name, "predict", one.by_cluster, 1, size, "frame", what)]
     one = OneLaunch(method, method.march)
