@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from wsim.scene import Box, Scene
+from wsim.scene import Box, Scene, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
 
@@ -84,3 +84,18 @@ def test_velocities_and_impulses_of_a_carried_table_converge_to_those_of_its_cur
         errors.append(max(off))
     seen = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
     assert errors[-1] < 0.05 and seen.min() > order - 0.2, (errors, seen)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_targets_of_many_times_are_those_of_one_after_the_other_to_the_bit(turns):
+    M = np.tile(np.eye(4), (3, 1, 1))
+    M[:, :3, 3] = [[0.0, 0.0, 0.0], [0.3, 0.1, 0.0], [0.0, 0.5, 0.2]]
+    if turns:
+        M[1, :3, :3], M[2, :3, :3] = ([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]],
+                                      [[1.1, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, -0.6, 0.8]])
+    scene = Scene()
+    cloth = scene.cloth("/cloth", *shapes.sheet(0.4, 0.3, 5, 4))
+    scene.pin("/hand", cloth, range(7), motion=Motion([0.0, 0.3, 1.0], M))
+    (pin,) = Simulation(scene, device="cpu").plan.find("pins").groups["hard"]
+    times = np.linspace(-0.1, 1.1, 61)
+    assert np.array_equal(pin.table(times), np.stack([pin.targets(t) for t in times])) and np.ptp(pin.table(times)[:, 0]) > 0.1

@@ -55,9 +55,9 @@ class _Pinned:
             return np.stack([self.targets(time) for time in times])
         M = self.motion.sampled(times)
         if self.motion.plain:
-            if (M[:, :3, :3] == M[0, :3, :3]).all():
-                return self.locals @ M[0, :3, :3].T + M[:, None, :3, 3] - self.body.origin
-            return np.stack([self.targets(time) for time in times])
+            same = (M[:, :3, :3] == M[0, :3, :3]).all()
+            turned = self.locals @ (M[0, :3, :3].T if same else M[:, :3, :3].swapaxes(1, 2))
+            return turned + M[:, None, :3, 3] - self.body.origin
         return self.locals @ M[:, :3, :3].swapaxes(1, 2) + (M[:, None, :3, 3] - self.body.origin)
 
 

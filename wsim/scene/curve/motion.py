@@ -128,7 +128,17 @@ class Motion(Curve):
                 M[own] = M[own[0]]
                 M[own, :3, 3] = A[:3, 3] + ((t[own] - first) / (self.times[b] - first))[:, None] * (B[:3, 3] - A[:3, 3])
             else:
-                M[own] = np.stack([self.at(one) for one in t[own]])
+                M[own] = self._between(b - 1, t[own])
+        return M
+
+    def _between(self, a: int, t: np.ndarray) -> np.ndarray:
+        """Transforms at times (n,) between key a and the next, as `at` has them, once it has looked there."""
+        A, B, ((Ra, Sa), (_, Sb)) = self.values[a], self.values[a + 1], self.parts[a:a + 2]
+        (axis, angle), M = self.turned[a], np.tile(np.eye(4), (len(t), 1, 1))
+        s = (t - self.times[a]) / (self.times[a + 1] - self.times[a])
+        turn = about_axis(np.broadcast_to(axis, (len(t), 3)), s * angle)
+        M[:, :3, :3] = Ra @ turn @ (Sa + s[:, None, None] * (Sb - Sa))
+        M[:, :3, 3] = A[:3, 3] + s[:, None] * (B[:3, 3] - A[:3, 3])
         return M
 
     def rate(self, t) -> np.ndarray:
