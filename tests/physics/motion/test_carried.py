@@ -92,7 +92,7 @@ def test_targets_of_many_times_are_those_of_one_after_the_other_to_the_bit(turns
     M[:, :3, 3] = [[0.0, 0.0, 0.0], [0.3, 0.1, 0.0], [0.0, 0.5, 0.2]]
     if turns:
         M[1, :3, :3], M[2, :3, :3] = ([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]],
-                                      [[1.1, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, -0.6, 0.8]])
+                                      [[1.0, 0.0, 0.0], [0.0, 0.8, 0.6], [0.0, -0.6, 0.8]])
     scene = Scene()
     cloth = scene.cloth("/cloth", *shapes.sheet(0.4, 0.3, 5, 4))
     scene.pin("/hand", cloth, range(7), motion=Motion([0.0, 0.3, 1.0], M))
