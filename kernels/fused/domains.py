@@ -5,6 +5,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.motion.load import borne
 from wsim.kernels.soft.fem import elements as tets
 
 LISTS = ("point", "hinge", "hinge_corner", "triangle", "corner", "slot", "moment_begin", "moment", "force_begin", "force",
@@ -15,7 +16,7 @@ LISTS = ("point", "hinge", "hinge_corner", "triangle", "corner", "slot", "moment
 def sheets(real, materials: tuple[str, ...] = ()):
     """Struct of the patches, and of the elements that they are made of: reads only, but for met. materials: of tets, each with
     a table of kernels/soft/fem.py."""
-    t = types(real)
+    t, Borne = types(real), borne(real)
 
     class Sheets:
         head: wp.array(dtype=int)            # first place in `list` and size of each of LISTS, (blocks * LISTS * 2,)
@@ -34,6 +35,7 @@ def sheets(real, materials: tuple[str, ...] = ()):
         room: wp.array(dtype=t.scalar)       # clearance [m], (points,); of frames that are watched
         met: wp.array(dtype=int)             # becomes 1 where a point goes further
         mail: wp.array(dtype=t.vec4)         # what blocks of a grid send, with its substep; 0 at first, (4 points,)
+        borne: Borne
 
     Sheets.__annotations__.update({name: tets(real) for name in materials})
     return wp.struct(Sheets)

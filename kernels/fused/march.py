@@ -13,7 +13,7 @@ from wsim.kernels.fused.contact_lanes import looking
 from wsim.kernels.fused.domains import sheets
 from wsim.kernels.fused.hold import held
 from wsim.kernels.fused.limits import sweeping
-from wsim.kernels.fused.own import ending, moving, owned
+from wsim.kernels.fused.own import bearing, ending, moving, owned
 from wsim.kernels.fused.sheet import passes
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import steps
@@ -26,7 +26,7 @@ def frame(real, module, plan, damped: bool, bounded: bool = False):
     Net, Sheets, Step = net(real), sheets(real, plan.materials), steps(real)
     Own, vectors = owned(real), wp.array(dtype=types(real).vec3)
     enter, forces, send, leave = passes(real, plan, damped, bounded)
-    (kicked, moved), finish = moving(real), ending(real)
+    (kicked, moved), finish, bear = moving(real), ending(real), bearing(real)
 
     def frame(c: Net, h: Sheets, x: vectors, step: Step, x_out: vectors, e_out: vectors, v_out: vectors, r_out: vectors):
         room = wp.tile_empty(shape=wp.static(plan.words), dtype=float, storage="shared")      # `sheet_room`   # noqa: F841
@@ -36,6 +36,8 @@ def frame(real, module, plan, damped: bool, bounded: bool = False):
             kick = wp.where(sub == 0, step.kick, step.later)
             if sub == step.count:
                 kick = step.close
+            if wp.static(plan.loaded):
+                bear(h.borne, own, 2 * sub)
             forces(own, kick, sub)
             if sub < step.count:
                 moved(own, kick, step, sub)
@@ -61,7 +63,7 @@ def acted(real, module, plan, damped: bool, acts: Acts):
     Own, Written = owned(real), written(real)
     (Rows, Points), Slots, Held = tables(real), slots(real), held(real)
     enter, forces, send, leave = passes(real, plan, damped, acts=True)
-    (_, moved), finish, settle, look = moving(real), ending(real), settled(real), looking(real)
+    (_, moved), finish, settle, look, bear = moving(real), ending(real), settled(real), looking(real), bearing(real)
     act, meet = acting(acts, real), meeting(acts.kinds, real, acts.lanes) if acts.lanes else None
     fill = sweeping(real, acts.limits, acts.damped)[0] if acts.limits else None
 
@@ -80,6 +82,8 @@ def acted(real, module, plan, damped: bool, acts: Acts):
             kick = wp.where(sub == 0, step.kick, step.later)
             if sub == step.count:
                 kick = step.close
+            if wp.static(plan.loaded):
+                bear(h.borne, own, 2 * sub)
             forces(own, kick, sub)
             if sub < step.count:
                 before = own.d

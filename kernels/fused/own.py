@@ -12,6 +12,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import steps
+from wsim.kernels.motion.load import borne
 
 
 @cache
@@ -88,6 +89,24 @@ def moving(real):
             own.d = d
 
     return kicked, moved
+
+
+@cache
+def bearing(real):
+    """Function (c, own, row): gravity of a point with what a row of loads adds, as `bear` of kernels/motion/load.py."""
+    t, Own, Borne = types(real), owned(real), borne(real)
+
+    @wp.func
+    def bearing(c: Borne, own: wp.ref[Own], row: int):
+        if own.point >= 0:
+            k = c.place[own.point]
+            if k >= 0:
+                F = t.vec3()
+                for e in range(c.entries.first[k], c.entries.first[k + 1]):
+                    F += c.entries.share[e] * c.value[row, c.entries.load[e]]
+                own.gravity = c.own[k] + own.w * F
+
+    return bearing
 
 
 @cache

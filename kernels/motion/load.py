@@ -39,6 +39,21 @@ def entries(real):
 
 
 @cache
+def borne(real):
+    """Struct of who bears what, of frames that blocks take in one launch (kernels/fused/march.py): reads only."""
+    t, Entries = types(real), entries(real)
+
+    @wp.struct
+    class Borne:
+        place: wp.array(dtype=int)           # number of each point among those that bear some, -1: none, (points,)
+        entries: Entries
+        own: wp.array(dtype=t.vec3)          # gravity alone, of those that bear some [m/s^2]
+        value: wp.array2d(dtype=t.vec3)      # of each load, (rows, loads)
+
+    return Borne
+
+
+@cache
 def bear(real, module):
     """Kernel over the points that bear a load: gravity with what a row of values adds [m/s^2]."""
     t, Entries = types(real), entries(real)

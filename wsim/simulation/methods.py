@@ -68,14 +68,14 @@ class Build:
     @property
     def taken(self) -> frozenset[str]:
         """Names of all that acts within a substep of leapfrog on a GPU, where blocks that share sheets may take it along
-        (`wsim.physics.fused.domains`): air, soft pins, tethers, contacts with what keeps its shape."""
+        (`wsim.physics.fused.domains`): air, soft pins, tethers, strain limits, loads, contacts with what keeps its shape."""
         acts = frozenset(row.name for row in METHODS if row.pushes and self.reasons[row.name])
         leapfrog = self.choice.solver == "explicit" and len(self.choice.integrator.steps) == 2
         if not (acts <= {"aero", "contact", "xpbd"} and leapfrog and self.model.device.is_cuda):
             return frozenset()
         from wsim.physics.fused.domains import takes
-        soft = any(np.isfinite(p.stiffness) for p in self.scene.pins)
-        return acts | ({"soft pins"} if soft else set()) if takes(self.model) else frozenset()
+        also = {"soft pins": any(np.isfinite(p.stiffness) for p in self.scene.pins), "loads": bool(self.scene.loads)}
+        return acts | {name for name, there in also.items() if there} if takes(self.model) else frozenset()
 
     def carriers(self) -> dict[str, Any]:
         """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""

@@ -10,6 +10,7 @@ from tests.gpu.solver.test_sheets import end, moves_alike
 from tests.physics.fused.test_fused import CLOTH, moved
 from wsim.physics.fused import domains
 from wsim.scene import Motion, Plane, Scene, Sphere, shapes
+from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
 
 wp.init()
@@ -30,10 +31,11 @@ def hung(damping: float = 0.0, tethers: bool = False) -> Scene:
 
 
 def met() -> Scene:
-    """The same with a soft pin, tethers, a ball that rises into it and a floor."""
+    """The same with a soft pin, tethers, a load, a ball that rises into it and a floor."""
     scene = hung(1e-4, tethers=True)
     scene.pin("/soft", "/cloth", [300], stiffness=50.0, damping=0.1)
     scene.collider("/ball", Sphere(0.1), motion=Motion([0.0, 1.0], [moved(0.0, -0.12, 0.0), moved(0.0, 0.2, 0.0)]))
+    scene.force("/push", "/cloth", range(200, 260), Curve([0.0, 0.2], [[0.0, 0.0, 0.0], [0.0, 0.02, 0.01]]))
     scene.collider("/floor", Plane(), at=(0.0, -0.2, 0.0))
     return scene
 

@@ -10,6 +10,7 @@ from tests.physics.fused.test_fused import CLOTH, blown, moved, sheet
 from wsim.model.launches import Launches
 from wsim.physics.fused import domains
 from wsim.scene import Motion, Scene, shapes
+from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
 
 wp.init()
@@ -35,7 +36,17 @@ def limp() -> Scene:
     return sheet(Fabric(stretch=300.0, shear=100.0, bend=0.0, thickness=2e-3))
 
 
-SCENES = {"damped": sheet, "two": two, "limp": limp}
+def loaded() -> Scene:
+    """Forces on the points of two sheets, which grow and turn back; one of them bears both."""
+    scene = two()
+    turns = Curve([0.0, 0.05, 0.2], [[0.0, 0.0, 0.0], [0.0, 0.01, 0.005], [0.0, -0.02, 0.0]])
+    scene.force("/push", "/folded", range(40, 200), turns)
+    scene.force("/stays", "/folded", range(150, 260), [0.002, 0.004, 0.0])
+    scene.force("/lifts", "/falls", range(100), Curve([0.0, 0.1], [[0.0, 0.0, 0.0], [0.0, 0.01, 0.0]]))
+    return scene
+
+
+SCENES = {"damped": sheet, "two": two, "limp": limp, "loaded": loaded}
 BLOCKS = {"cluster of 8": 8, "cluster": 16, "grid": 64}
 
 
@@ -71,6 +82,17 @@ def test_live_values_are_those_of_the_next_frame():
     sim.set("/cloth", "stretch", 200.0)
     for each in (sim, want):
         each.step()
+    assert np.abs(sim.state.x.numpy() - want.state.x.numpy()).max() < ROUNDING
+
+
+def test_loads_of_the_next_frame_are_those_that_are_set():
+    sim, want = (wsim.Simulation(loaded(), device="cuda:0", precision=precision) for precision in ("float32", "float64"))
+    for each in (sim, want):
+        each.step()
+        each.set("/push", "force", Curve([0.0, 0.2], [[0.0, 0.02, 0.0], [0.0, 0.02, -0.02]]))
+        each.set("/falls", "gravity", [0.0, 1.0, 0.0])
+        each.step()
+    assert sim.plan.method("explicit").taken == {"loads"} and want.plan.find("gather").cluster is None
     assert np.abs(sim.state.x.numpy() - want.state.x.numpy()).max() < ROUNDING
 
 

@@ -171,10 +171,10 @@ def shared(pull, taken: frozenset[str]) -> Sheets | None:
 
 def takes(model) -> bool:
     """True if blocks may take along what acts within substeps of a model: tethers, strain limits, contacts with what keeps its
-    shape; no loads."""
+    shape."""
     from wsim.physics.contact.clearance import lasting
     hard = {r.kind for r in model.constraints if r.hard}
-    return hard <= {"tether", "limit"} and lasting(model.scene) and not (carried(model.scene) or model.scene.loads)
+    return hard <= {"tether", "limit"} and lasting(model.scene) and not carried(model.scene)
 
 
 def apart(pull) -> bool:
@@ -206,7 +206,8 @@ class Sheets:
         for size in blocks_of(model.device, model.points):
             found = Domains(model.stack("rest"), flat.ids if flat else NONE[:, :3], bent.ids if bent else NONE,
                             bent.curvature.tables() if bent else {}, size, pull.damped,
-                            np.concatenate([NONE, *(table.ids for table in solid)]), air=air, meshes=meshes)
+                            np.concatenate([NONE, *(table.ids for table in solid)]), air=air, meshes=meshes,
+                            loaded=bool(model.scene.loads))
             if found.plan and any(r.kind == "limit" for r in model.constraints):
                 from wsim.physics.fused.limits import Limits, edges_of
                 self.limits = Limits(found, *edges_of(model))
@@ -234,6 +235,14 @@ class Sheets:
         """air: struct of kernels/cloth/air.py."""
         for name in ("wind", "drag", "lift"):
             setattr(self.data, name, getattr(air, name))
+
+    def bear(self, loads) -> None:
+        """loads: `wsim.physics.motion.loads.Loads`, whose table is another one with other substeps."""
+        from wsim.kernels.motion.load import borne
+        place = np.full(self.model.points, -1, np.int32)
+        place[loads.point] = np.arange(len(loads.point))
+        self.data.borne = filled(borne(self.model.real), place=self.model.upload(place, int), entries=loads.entries,
+                                 own=loads.own, value=loads.value)
 
     def begin(self) -> None:
         """Launches before a frame."""

@@ -35,6 +35,7 @@ class Plan:
     tets: int = FOUR
     materials: tuple[str, ...] = ()      # of tets: those of kernels/fused/tet_elements.py
     meshes: bool = False                 # colliders are met
+    loaded: bool = False
     edges: int = 0                       # with a strain limit, and what else `wsim.physics.fused.limits` has of them
     colours: int = 0
     inbox: int = 0

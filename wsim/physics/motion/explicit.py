@@ -64,7 +64,7 @@ class Explicit(Method):
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
                                 alone=names or whole, packed=not (self.integrator.stages or self.acts))
         self.taken, self.apart = (names, free) if self.pull.cluster else (frozenset(), free and names <= {"contact"})
-        self.steps, free = bool(steps) and not self.taken, self.apart
+        self.steps, free = bool(names - {"loads"} if names else steps) and not self.taken, self.apart
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
         self.make(clock.substeps)
@@ -255,7 +255,7 @@ class Explicit(Method):
 
     def meet(self, others: Methods) -> None:
         self.muscles = others.find("muscles")
-        if not self.taken <= {"aero"}:
+        if not self.taken <= {"aero", "loads"}:
             self.at_once.meet(others)
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)

@@ -6,7 +6,7 @@ A table holds the values of a frame at the times when forces are evaluated (`Clo
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -60,6 +60,7 @@ class Loads(Method):
     def __init__(self, model: Model, clock: Clock, points):
         """points: the method that owns gravity and inverse masses."""
         super().__init__("loads")
+        self.blocks: Any = None          # `wsim.physics.fused.domains.Sheets` that take loads along
         self.model, self.clock, self.points, self.changed, self.time = model, clock, points, True, -clock.dt
         self.borne = [Borne(load, b, model) for load in model.scene.loads for b in model.bodies if b.path == load.body]
         real, t, module = model.real, types(model.real), model.module
@@ -73,6 +74,9 @@ class Loads(Method):
             self.stage()
 
     def meet(self, others: Methods) -> None:
+        if "loads" in (others.find("taken") or ()):
+            self.blocks = others.find("gather").domains
+            self.blocks.bear(self)
         if self.points.integrator.explicit:              # which asks for rows by itself
             others.find("forces").append(self.act)
 
@@ -95,6 +99,8 @@ class Loads(Method):
     def make(self, clock: Clock) -> None:
         self.value = wp.zeros((len(clock.acting()), len(self.borne)), dtype=types(self.model.real).vec3,
                               device=self.model.device, requires_grad=self.model.gradients)
+        if self.blocks:
+            self.blocks.bear(self)
 
     def stage(self) -> None:
         """Stage for solvers whose forces of a substep are at one time."""

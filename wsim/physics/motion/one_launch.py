@@ -64,7 +64,7 @@ def whole_frames(method, size: int, what: str) -> tuple[Any, list[Stage]]:
     if pull.cluster:
         method.model.fuser = None                # of which nothing is left
         one: Any = OneLaunch(method, None)
-        if method.taken <= {"aero"}:
+        if method.taken <= {"aero", "loads"}:
             one.kernel = pull.frames()
         else:
             from wsim.physics.fused.acted import ActedFrames
