@@ -74,6 +74,14 @@ def tied(ball: bool) -> Scene:
     return scene
 
 
+def many() -> Scene:
+    """A sheet on 90 balls, for which launches have a tree."""
+    scene = falling(height=0.005)
+    for k in range(90):
+        scene.collider(f"/ball{k}", Sphere(0.02), at=(0.05 * (k % 10) - 0.225, -0.02, 0.05 * (k // 10) - 0.2))
+    return scene
+
+
 def blown() -> Scene:
     scene = sheet(drag=1.0, lift=0.5)
     scene.wind = (0.0, -2.0, 1.0)
@@ -82,7 +90,7 @@ def blown() -> Scene:
 
 
 SCENES = {"rising": rising, "thrown": thrown, "within": within, "block": mesh, "blob": lambda: faced(blob, 0.05),
-          "jelly": jelly, "open": lambda: faced(open_sheet, -0.28), "tied": lambda: tied(True)}
+          "jelly": jelly, "many": many, "open": lambda: faced(open_sheet, -0.28), "tied": lambda: tied(True)}
 BLOCKS = {"cluster": 8, "grid": 32}
 
 

@@ -39,9 +39,17 @@ def possible(scene: Scene, gradients: bool) -> bool:
 def lasting(scene: Scene) -> bool:
     """True if what finds contacts is the same all through a frame: no mesh deforms, no tree finds colliders."""
     from wsim.physics.contact.contacts import MANY
-    balls = sum(not isinstance(c.shape, Plane) for c in scene.colliders)
-    forming = any(isinstance(c.shape, Surface) and c.shape.poses is not None and c.shape.poses.moves for c in scene.colliders)
-    return not forming and balls < MANY
+    return not forms(scene) and balls(scene) < MANY
+
+
+def balls(scene: Scene) -> int:
+    """Colliders that do not go on for ever."""
+    return sum(not isinstance(c.shape, Plane) for c in scene.colliders)
+
+
+def forms(scene: Scene) -> bool:
+    """True if a mesh deforms."""
+    return any(isinstance(c.shape, Surface) and c.shape.poses is not None and c.shape.poses.moves for c in scene.colliders)
 
 
 class Clearance:

@@ -30,6 +30,7 @@ from wsim.scene import Surface
 from wsim.scene.methods import carried
 
 KINDS = {"membrane", "dihedral"}
+BALLS = 256            # colliders that each point looks at, one after the other
 NONE = np.zeros((0, 4), int)
 OWN, SHARED = 140, 12_000        # points for which a block of a cluster has memory, and all of a grid
 
@@ -172,9 +173,9 @@ def shared(pull, taken: frozenset[str]) -> Sheets | None:
 def takes(model) -> bool:
     """True if blocks may take along what acts within substeps of a model: tethers, strain limits, contacts with what keeps its
     shape."""
-    from wsim.physics.contact.clearance import lasting
+    from wsim.physics.contact.clearance import balls, forms
     hard = {r.kind for r in model.constraints if r.hard}
-    return hard <= {"tether", "limit"} and lasting(model.scene) and not carried(model.scene)
+    return hard <= {"tether", "limit"} and not (forms(model.scene) or carried(model.scene)) and balls(model.scene) <= BALLS
 
 
 def apart(pull) -> bool:

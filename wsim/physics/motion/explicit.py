@@ -3,7 +3,7 @@
 Where nothing but springs, elements and hard pins acts, the positions at the start of a frame stay and displacements grow
 through it ("frame"); small nets then take a whole frame in one launch, of a cluster of blocks, and on a CPU nets or sheets in
 one of threads abreast. Wind, contacts, soft pins, tethers and strain limits act on every substep: positions are committed at
-its end, and what they changed is a velocity. In one launch: `fused.fuser`; of sheets and tets on a GPU, loads too: `one_launch`.
+its end, and what they changed is a velocity. In one launch: `fused.fuser`; sheets and tets on a GPU, loads too: `one_launch`.
 """
 
 from __future__ import annotations
