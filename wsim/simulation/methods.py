@@ -54,7 +54,7 @@ class Build:
         one launch: another, without contacts, costs more to compile than contacts that are far cost."""
         if not self.reasons["contact"] or self.others_within and self.model.fuser and not self.model.device.is_cuda:
             return False
-        if self.taken - {"aero", "contact"}:
+        if self.taken - {"aero", "contact", "loads"}:
             return False
         from wsim.physics.contact.clearance import possible
         return possible(self.scene, self.model.gradients)

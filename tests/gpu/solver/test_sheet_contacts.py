@@ -14,6 +14,7 @@ from tests.physics.fused.test_fused import CLOTH, jelly, mesh, moved, sheet
 from wsim.model.launches import Launches
 from wsim.physics.fused import domains
 from wsim.scene import Box, Motion, Plane, Scene, Sphere, shapes
+from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
 
 wp.init()
@@ -36,6 +37,14 @@ def rising() -> Scene:
                    static_friction=0.5, dynamic_friction=0.4)
     scene.collider("/box", Box((0.1, 0.1, 0.1)), at=(0.2, -0.06, 0.1), static_friction=0.0, dynamic_friction=0.0)
     scene.collider("/floor", Plane(), at=(0.0, -0.1, 0.0))
+    return scene
+
+
+def lifted() -> Scene:
+    """A load that lifts half of a sheet off a plane; frames without contacts stand before."""
+    scene = falling(height=0.04)
+    scene.force("/lift", "/cloth", range(140, 280), Curve([0.0, 0.1, 0.2], [[0.0, 0.0, 0.0], [0.0, 0.2, 0.0], [0.1, 2.0, 0.0]]))
+    scene.collider("/floor", Plane(), static_friction=0.5, dynamic_friction=0.4)
     return scene
 
 
@@ -90,7 +99,7 @@ def blown() -> Scene:
 
 
 SCENES = {"rising": rising, "thrown": thrown, "within": within, "block": mesh, "blob": lambda: faced(blob, 0.05),
-          "jelly": jelly, "many": many, "open": lambda: faced(open_sheet, -0.28), "tied": lambda: tied(True)}
+          "jelly": jelly, "lifted": lifted, "many": many, "open": lambda: faced(open_sheet, -0.28), "tied": lambda: tied(True)}
 BLOCKS = {"cluster": 8, "grid": 32}
 
 
@@ -107,7 +116,7 @@ def run(scene: Scene, frames: int = 4):
 def test_one_launch_meets_colliders_as_launch_by_launch(name, blocks, monkeypatch):
     monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
     sim, x, v, impulses, mark = run(SCENES[name]())
-    taken = {"contact", "soft pins", "xpbd"} if name == "tied" else {"contact"}
+    taken = {"contact"} | {"tied": {"soft pins", "xpbd"}, "lifted": {"loads"}}.get(name, set())
     assert sim.plan.method("explicit").taken == taken and sim.plan.find("gather").cluster.size == BLOCKS[blocks]
     _, again, rate, more, _ = run(SCENES[name]())
     assert np.array_equal(x, again) and np.array_equal(v, rate)
@@ -149,7 +158,6 @@ def test_air_and_contacts_in_one_launch(monkeypatch):
 
 
 def test_what_a_mesh_that_deforms_meets_is_launched_substep_by_substep():
-    from wsim.scene.curve import Curve
     scene = falling(height=0.05)
     p, f = blob(np.random.default_rng(0))
     scene.collider("/mesh", surface(p - [0.0, 0.3, 0.0], f, Curve([0.0, 1.0], np.stack([p, 1.1 * p]) - [0.0, 0.3, 0.0])))

@@ -63,7 +63,7 @@ class Explicit(Method):
         names = steps if isinstance(steps, frozenset) else frozenset[str]()
         self.pull = ForceGather(model, points.constants, self.rows, self.columns, staged=bool(self.integrator.stages),
                                 alone=names or whole, packed=not (self.integrator.stages or self.acts))
-        self.taken, self.apart = (names, free) if self.pull.cluster else (frozenset(), free and names <= {"contact"})
+        self.taken, self.apart = (names, free) if self.pull.cluster else (frozenset(), free and names <= {"contact", "loads"})
         self.steps, free = bool(names - {"loads"} if names else steps) and not self.taken, self.apart
         self.net, self.damped, self.solids = self.pull.net, self.pull.damped, self.pull.tables
         state.add(*(table.kept for table in self.solids if table.kept))
