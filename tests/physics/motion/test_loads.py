@@ -6,7 +6,7 @@ import pytest
 from wsim import Bulk, Fabric, Scene, Simulation
 from wsim.gradient.recording import Recording
 from wsim.model.model import make_body
-from wsim.scene import SceneError, shapes
+from wsim.scene import Plane, SceneError, shapes
 from wsim.scene.check.scene import check
 from wsim.scene.curve import Curve
 from wsim.scene.nodal.loads import between, nodal
@@ -159,3 +159,21 @@ def test_live_loads_are_judged_and_refused_whole():
     sim.set("/grows", "force", [8.0, 0.0, 0.0])                     # 2 m/s^2 for each mass
     sim.run(2)
     np.testing.assert_allclose(sim.velocities("/pair")[:, 0], 0.4, rtol=1e-12)
+
+
+@pytest.mark.parametrize("solver, integrator", [("explicit", "leapfrog"), ("xpbd", "backward_euler"),
+                                                ("implicit", "backward_euler")])
+def test_what_bears_a_load_rests_on_a_collider_that_it_presses_by_weight_and_load(solver, integrator):
+    """Two bodies, of which the second bears half of its weight upwards, and the first twice its weight downwards."""
+    scene = Scene(gravity=(0.0, -10.0, 0.0), fps=10, substeps=10, iterations=4, solver=solver, integrator=integrator)
+    for name, x in (("/down", 0.0), ("/up", 3.0)):
+        scene.net(name, [[x, 0, 0], [x + 1.0, 0, 0]], [[0, 1]], [10.0], [2.0, 2.0])
+    scene.force("/presses", "/down", [0, 1], [0.0, -40.0, 0.0], weights=[1.0, 1.0])
+    scene.force("/lifts", "/up", [0, 1], [0.0, 10.0, 0.0], weights=[1.0, 1.0])
+    scene.collider("/floor", Plane(), static_friction=0.0, dynamic_friction=0.0)
+    sim = Simulation(scene, device="cpu", precision="float64")
+    for _ in range(3):
+        sim.step()
+    assert np.abs(np.concatenate([sim.positions("/down"), sim.positions("/up")])[:, 1]).max() < 1e-9
+    push = sim.plan.find("contacts").impulses(sim.plan.clock.g)["/floor"]
+    assert push == pytest.approx(np.array([0.0, -(2 * 60.0 + 2 * 10.0), 0.0]) * sim.plan.clock.h, rel=1e-6, abs=1e-9)

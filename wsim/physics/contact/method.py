@@ -57,7 +57,7 @@ class Contact(Method):
         self.model, self.state, self.anchor, self.points, self.movers = model, state, points.anchor, points, movers
         colliders = model.scene.colliders
         own = points.constants.object
-        if model.gradients:                              # there each point has a row of its own
+        if model.by_point:                               # there each point has a row of its own
             own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
         each = [faces(b) for b in model.bodies]
         of = [[*colliders, *movers.colliders(b.world)] for b in model.bodies] if movers else [colliders] * len(model.bodies)
