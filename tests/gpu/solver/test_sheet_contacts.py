@@ -10,7 +10,7 @@ import warp as wp
 import wsim
 from tests.physics.contact.test_candidate_lists import blob, surface
 from tests.physics.contact.test_candidate_lists import sheet as open_sheet
-from tests.physics.fused.test_fused import CLOTH, jelly, mesh, moved, sheet
+from tests.physics.fused.test_fused import CLOTH, jelly, many, mesh, moved, sheet
 from wsim.model.launches import Launches
 from wsim.physics.fused import domains
 from wsim.scene import Box, Motion, Plane, Scene, Sphere, shapes
@@ -80,14 +80,6 @@ def tied(ball: bool) -> Scene:
               motion=Motion([0.0, 1.0], [np.eye(4), moved(0.3, -0.5, 0.4)]))
     if ball:
         scene.collider("/ball", Sphere(0.1), motion=Motion([0.0, 1.0], [moved(0.0, -0.12, 0.0), moved(0.0, 0.2, 0.0)]))
-    return scene
-
-
-def many() -> Scene:
-    """A sheet on 90 balls, for which launches have a tree."""
-    scene = falling(height=0.005)
-    for k in range(90):
-        scene.collider(f"/ball{k}", Sphere(0.02), at=(0.05 * (k % 10) - 0.225, -0.02, 0.05 * (k // 10) - 0.2))
     return scene
 
 

@@ -54,6 +54,16 @@ def everything() -> Scene:
     return scene
 
 
+def many() -> Scene:
+    """A sheet that falls on 90 balls, which a tree finds."""
+    scene = Scene(solver="explicit")
+    points, counts, indices = shapes.sheet(0.4, 0.4, 16, 16, horizontal=True)
+    scene.cloth("/cloth", points + [0.0, 0.005, 0.0], counts, indices, material=CLOTH)
+    for k in range(90):
+        scene.collider(f"/ball{k}", Sphere(0.02), at=(0.05 * (k % 10) - 0.225, -0.02, 0.05 * (k // 10) - 0.2))
+    return scene
+
+
 def cube() -> Scene:
     scene = Scene(solver="explicit")
     points, tets = shapes.block((0.2, 0.2, 0.2), 2, at=(0.0, 0.1005, 0.0))
@@ -183,3 +193,17 @@ def test_a_mesh_that_deforms_is_launched_apart_on_a_gpu():
         assert fuser.apart(model, {}) == ""
         model.device = SimpleNamespace(is_cuda=True)
         assert ("deforms" in fuser.apart(model, {})) == (poses is not None)
+
+
+def test_colliders_that_a_tree_finds_are_launched_substep_by_substep(monkeypatch):
+    """With the bits of one launch that looks at each."""
+    from wsim.physics.contact import contacts
+    found = []
+    for most in (contacts.MANY, 10**9):
+        monkeypatch.setattr(contacts, "MANY", most)
+        sim = wsim.Simulation(many(), device="cpu")
+        for _ in range(4):
+            sim.step()
+        assert (sim.model.fuser is None) == (most < 10**9) and (sim.plan.find("contacts").mark.numpy() & 1).any()
+        found.append(sim.state.x.numpy())
+    assert np.array_equal(*found)

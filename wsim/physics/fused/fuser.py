@@ -236,6 +236,10 @@ def apart(model: Model, reasons: dict[str, str]) -> str:
         return "tets flow"
     if model.device.is_cuda and any(isinstance(c.shape, Surface) and c.shape.poses is not None for c in model.scene.colliders):
         return "a mesh deforms, whose tree is fitted launch by launch"
+    if model.scene.colliders:
+        from wsim.physics.contact import clearance, contacts
+        if clearance.balls(model.scene) >= contacts.MANY:
+            return "so many colliders that a tree finds them, which is fitted launch by launch"
     others = sorted(name for name, reason in reasons.items() if reason and name not in KNOWN)
     return f"{', '.join(others)} cannot be fused" if others else ""
 
