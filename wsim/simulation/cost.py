@@ -17,8 +17,8 @@
     iterated                    instead of both where a cluster of blocks iterates
     pressed                     what contacts add to such a step, and to a system
     touch, near                 a launch for contacts (a search a substep, a projection an iteration), a point beside a collider
-    mesh, wide                  a search of a mesh in a substep; a point beside one, by the seconds of a frame: it looks as far
-                                as it goes in a substep
+    mesh, wide                  a search of a mesh in a substep; a point beside one, by the seconds of a substep: it looks as
+                                far as it goes
     met, damped, body           what a frame is said to take besides (`frame`), which no choice depends on: a point that may
                                 touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
                                 time / step), as the iterations of its solve go; a rigid body, or what else
@@ -56,7 +56,7 @@ COSTS = {
     "cuda": {"step": 4.7e-6, "spring": 1.3e-11, "element": 2.2e-11, "blown": 9e-6, "block": 3.2e-6, "tet": 1.05e-10,
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
              "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
-             "touch": 5.1e-6, "near": 3e-11, "mesh": 4e-5, "wide": 4.8e-6,
+             "touch": 5.1e-6, "near": 3e-11, "mesh": 4e-5, "wide": 6e-6,
              "sheet": 2.5e-6, "shared": 4.7e-10, "sent": 1e-7, "struck": 9e-6, "faced": 1.6e-5, "limited": 3.9e-6,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
@@ -69,6 +69,7 @@ ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CP
 SHARED_TET = 10.0      # work of a tet that blocks share, in that of sheets
 MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
 ELEMENT = 2.4          # work of elements in a sweep of a GPU over that of springs (H200, shirts of 26k and 102k points)
+SLOW = 430.0           # substeps a second, below which a search beside a mesh grows no further (H200: a shirt of 102k points)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 ITERATED = 2048        # points of a sheet, up to which a cluster of CLUSTER blocks has its rows in registers
 CLUSTER, GRID = 16, 128
@@ -233,4 +234,4 @@ def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:
         met += model.points * (MESH if mesh else 1.0)
         met += len(c.shape.indices) if isinstance(c.shape, Surface) and (c.shape.poses is not None or c.motion.moves) else 0.0
     return {"touch": n * (1 + iterations), "near": n * met, "mesh": n * meshes,
-            "wide": meshes * model.points / model.scene.fps} if model.scene.colliders else {}
+            "wide": meshes * model.points * n / (n * model.scene.fps + SLOW)} if model.scene.colliders else {}
