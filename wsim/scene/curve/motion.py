@@ -116,16 +116,17 @@ class Motion(Curve):
         return self._straight(t) if self.plain else self._moved(t)[0]
 
     def _straight(self, t: np.ndarray) -> np.ndarray:
-        """As `at` says, to the bit; keys between which nothing turns or stretches are not looked at time by time."""
+        """As `at` says, to the bit, all times between two keys at once."""
         M, begin = np.empty((len(t), 4, 4)), np.searchsorted(self.times, t, side="right")
         for b in np.unique(begin):
             own = np.flatnonzero(begin == b)
-            M[own[0]] = self.at(t[own[0]])
+            if b in (0, len(self.times)) or b - 1 not in self.turned:
+                M[own] = self.at(t[own[0]])
             if b in (0, len(self.times)):
-                M[own] = M[own[0]]
-            elif self.turned[b - 1][1] == 0.0 and np.array_equal(self.parts[b - 1][1], self.parts[b][1]):
+                continue
+            if self.turned[b - 1][1] == 0.0 and np.array_equal(self.parts[b - 1][1], self.parts[b][1]):
                 A, B, first = self.values[b - 1], self.values[b], self.times[b - 1]
-                M[own] = M[own[0]]
+                M[own] = self.at(t[own[0]])
                 M[own, :3, 3] = A[:3, 3] + ((t[own] - first) / (self.times[b] - first))[:, None] * (B[:3, 3] - A[:3, 3])
             else:
                 M[own] = self._between(b - 1, t[own])
