@@ -23,6 +23,8 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import closest, pairs
 
+LISTS = 16             # of a substep, from which on points that projections lead out of their tubes are cut
+
 
 @cache
 def bounds(real):
@@ -229,12 +231,15 @@ def proceed(module):
         going = int(0)
         if kind < 2:
             words[pairs.SWEPT] = wp.max(words[pairs.SWEPT], turn)
-            words[pairs.STRAYED] = words[pairs.OUT]
+            strayed = int(0)
             if bad > 0 and turn < words[pairs.ROUNDS]:
                 going = 1
-                left = 0
-            else:
+            elif words[pairs.OUT] > 0 and words[pairs.MADE] < LISTS:
+                strayed = 1
+            if going == 0:
                 turn = 0
+            left = wp.where(going + strayed > 0, 0, left)
+            words[pairs.STRAYED] = strayed
         else:
             words[pairs.TURNED] = turn
             if turn >= most:
