@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.physics.selfcontact.rig import crossed, crumple, layers, run, said
+from tests.conftest import first_and_slow
+from tests.physics.selfcontact.rig import SOLVERS, crossed, crumple, layers, run, said, solvers, thrown
+from tests.physics.selfcontact.test_momentum import moments
 from wsim.physics.selfcontact import method
 
 
@@ -74,3 +76,30 @@ def test_energy_that_cuts_take_is_counted(monkeypatch):
     wanted = np.sum(kinetic[:-1]) * h                                    # motions of a substep are those of the one before
     assert told["cut_energy"] == pytest.approx(lost.sum() / wanted, rel=1e-3)
     assert told["cut_run"] == (lost > 0.1 * np.array(kinetic[:-1])).sum() > 1
+
+
+@pytest.mark.parametrize("solver", first_and_slow(solvers("newton", "newton bdf2", "xpbd", "xpbd bdf2")))
+def test_sheets_that_meet_within_a_substep_are_projected_and_not_cut(solver):
+    """28 mm a substep, 23 thicknesses, more than two edges: projections lead points out of their tubes several times over, each
+    time there is a list of where they are, and momentum stays."""
+    sim = run(thrown(2, **{**solver, "substeps": 12, "iterations": 2}))
+    before, _, size, _ = moments(sim)
+    for _ in range(2):
+        sim.step()
+        assert crossed(sim) == 0
+    told = said(sim)
+    assert told["projected"] > 0 and told["cut"] == told["held"] == told["repeated"] == 0, told
+    assert np.abs(moments(sim)[0] - before).max() < 1e-6 * size
+
+
+def test_cuts_end_where_proofs_do(monkeypatch):
+    """The same sheets, without projections: points near the places where they meet are cut, and no others, though cut points
+    leave tubes that lead ahead."""
+    monkeypatch.setattr(method, "ROUNDS", 0)
+    monkeypatch.setattr(method, "LOSS", 1000)
+    sim = run(thrown(2, **{**SOLVERS["newton"], "substeps": 12, "iterations": 2}))
+    for _ in range(2):
+        sim.step()
+        assert crossed(sim) == 0
+    told = said(sim)
+    assert told["cut"] > 0 and told["held"] == 0, told
