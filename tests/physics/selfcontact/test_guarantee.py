@@ -6,6 +6,7 @@ import pytest
 from tests.conftest import first_and_slow
 from tests.physics.selfcontact.rig import SOLVERS, crossed, crumple, layers, run, said, solvers, thrown
 from tests.physics.selfcontact.test_momentum import moments
+from wsim.kernels.selfcontact import cut, pairs
 from wsim.physics.selfcontact import method
 
 
@@ -103,3 +104,32 @@ def test_cuts_end_where_proofs_do(monkeypatch):
         assert crossed(sim) == 0
     told = said(sim)
     assert told["cut"] > 0 and told["held"] == 0, told
+
+
+@pytest.mark.parametrize("turn", [cut.RIGID, cut.HELD])
+def test_what_is_held_goes_by_the_motion_of_all(turn):
+    """Motions of a substep at random beside 20 m/s: what is held keeps momentum and its shape; by round HELD that is half of the
+    points, those of the first sheet, and the others go on as they did."""
+    sim = run(layers(2, 5, 0.02, velocity=(20.0, 0.0, 0.0), spin=3.0))
+    sim.step()
+    found, s = sim.plan.method("selfcontact"), sim.state
+    before = s.d.numpy() - s.e.numpy() + np.random.default_rng(5).normal(size=s.d.shape + (3,)) * 5e-3
+    s.d.assign(before + s.e.numpy())
+    x, near, first = s.x.numpy().copy(), found.near, slice(0, sim.model.bodies[0].count)
+    near.move(found.at(), 0)
+    near.word(pairs.ROUND).fill_(turn)
+    marks = near.sums.cut.numpy()
+    marks[first] = near.words.numpy()[pairs.EPOCH]
+    near.sums.cut.assign(marks)
+    data = found.surfaces.data
+    sim.model.launch(found.guarantee.cut, len(x), [data, found.at(), near.frames, near.words, near.sums], [s.d, found.said])
+    after = s.d.numpy() - s.e.numpy()
+    held = slice(None) if turn == cut.RIGID else first
+    ends, starts = (places[held][:, None] - places[held][None] for places in (x + after, x))
+    assert np.abs(np.linalg.norm(ends, axis=2) - np.linalg.norm(starts, axis=2)).max() < 1e-6
+    assert np.abs((after - before)[held]).max() > 1e-3 and np.linalg.norm(after[held], axis=1).min() > 0.02
+    if turn == cut.HELD:
+        assert np.abs((after - before)[first.stop:]).max() < 1e-8
+    else:
+        masses = 1.0 / data.w.numpy()
+        assert np.abs(masses @ (after - before)).max() < 1e-6 * 0.02 * masses.sum()
