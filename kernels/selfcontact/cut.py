@@ -9,8 +9,8 @@ now be in the way of one that was not: what is not certified then is cut, too, r
 round HELD, which rounding alone can lead to, every point of a pair that lacks a proof goes by R alone, in round RIGID all do,
 which keeps their momentum, and in the last all points stay, which needs no proof. Points that pins move are held back like
 others; the pin takes them on in the next substep. Where colliders take part, R is what they do
-(kernels/selfcontact/obstacles.py), and in the last round, too, all goes along with it: colliders that close a gap from two sides
-leave pairs without a proof then, which are counted.
+(kernels/selfcontact/obstacles.py), and all goes along with it in the last round, too: colliders that close a gap from two
+sides leave pairs without a proof then, which are counted.
 
 Motions are only ever made shorter (monotone), by minima, which need no order.
 
@@ -35,10 +35,11 @@ ROUNDS = 12
 # searches; points that were cut; 1: pairs are listed; pairs with colliders that are left without a proof, over all substeps;
 # the place of a point of one, and 1; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and of what was cut of it;
 # substeps running in which a point lost more than LOSS of its motion, at most and at the end; of the colliders of pairs that
-# are left without a proof the last, its number and 1, and the first, MOST less its number
+# are left without a proof the last, its number and 1, and the first, MOST less its number; percent of a mean edge by which
+# surfaces that met came nearer in a substep, at most, where it was more than one
 WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY, PINCHED, WHERE = range(13)
-MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER = range(13, 19)
-SAID, MOST = 19, 1 << 30
+MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER, FAST = range(13, 20)
+SAID, MOST = 20, 1 << 30
 LOSS = 0.05            # of its motion that a point may lose in a substep
 UNIT = 2.0 ** 56       # per kg m^2
 
@@ -166,6 +167,8 @@ def tell(real, module):
             said[STAYED] = said[STAYED] + 1
         said[CLOSE] = wp.max(said[CLOSE], words[pairs.CLOSE])
         words[pairs.CLOSE] = 0
+        said[FAST] = wp.max(said[FAST], words[pairs.FAST])
+        words[pairs.FAST] = 0
         words[pairs.SWEPT] = 0
         words[pairs.TURNED] = 0
         said[BUSY] = words[pairs.NEAR]

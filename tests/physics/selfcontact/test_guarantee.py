@@ -1,10 +1,12 @@
 """Surfaces never end a substep with an intersection, keep momentum, and pay nothing for flying together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.conftest import first_and_slow
-from tests.physics.selfcontact.rig import SOLVERS, crossed, crumple, layers, run, said, solvers, thrown
+from tests.physics.selfcontact.rig import SOLVERS, THIN, crossed, crumple, layers, run, said, solvers, thrown
 from tests.physics.selfcontact.test_momentum import moments
 from wsim.kernels.selfcontact import cut, pairs
 from wsim.physics.selfcontact import method
@@ -108,8 +110,8 @@ def test_cuts_end_where_proofs_do(monkeypatch):
 
 @pytest.mark.parametrize("turn", [cut.RIGID, cut.HELD])
 def test_what_is_held_goes_by_the_motion_of_all(turn):
-    """Motions of a substep at random beside 20 m/s: what is held keeps momentum and its shape; by round HELD that is half of the
-    points, those of the first sheet, and the others go on as they did."""
+    """Motions of a substep at random beside 20 m/s: what is held keeps its shape, and its momentum where that is all; by round
+    HELD it is the first sheet, and the other goes on as it did."""
     sim = run(layers(2, 5, 0.02, velocity=(20.0, 0.0, 0.0), spin=3.0))
     sim.step()
     found, s = sim.plan.method("selfcontact"), sim.state
@@ -133,3 +135,40 @@ def test_what_is_held_goes_by_the_motion_of_all(turn):
     else:
         masses = 1.0 / data.w.numpy()
         assert np.abs(masses @ (after - before)).max() < 1e-6 * 0.02 * masses.sum()
+
+
+def clap(speed: float, stretch: float = 300.0, **more):
+    """Two flat sheets that meet at a speed [m/s]."""
+    scene = layers(2, 6, 0.05, **more)
+    for cloth, sign in zip(scene.cloths, (1.0, -1.0), strict=True):
+        cloth.velocities = np.broadcast_to((0.0, 0.5 * sign * speed, 0.0), cloth.points.shape).copy()
+        cloth.material = replace(THIN, stretch=stretch, shear=0.25 * stretch)
+    return scene
+
+
+def told_fast(sim) -> list[str]:
+    return [w for w in sim.warnings if w.endswith("substeps would do")]
+
+
+@pytest.mark.parametrize("solver", first_and_slow(solvers("xpbd", "newton")))
+def test_sheets_that_meet_by_more_than_an_edge_in_a_substep_are_told_how_many_would_do(solver):
+    """As many as make it half of a mean edge: v / (edge / 2) a second; with these nothing is told."""
+    sim = run(clap(60.0, **{**solver, "substeps": 10, "iterations": 2}))
+    sim.step()
+    edge = sim.plan.method("selfcontact").surfaces.edge
+    wanted = np.ceil(10 * np.floor(100.0 * 60.0 / 600.0 / edge) / 50.0)
+    assert told_fast(sim) == ["frame 1: surfaces that met came nearer by more than an edge in a substep, and stretched for it; "
+                              f"{wanted:.0f} substeps would do"]
+    sim = run(clap(60.0, **{**solver, "substeps": int(wanted), "iterations": 2}))
+    sim.step()
+    assert np.abs(sim.velocities("/layer0")[:, 1].mean()) < 1.0 and not told_fast(sim)
+
+
+def test_auto_takes_the_substeps_that_sheets_meet_in():
+    sim = run(clap(60.0, stretch=1e6, solver="auto", substeps=1, error=0.05))
+    before = sim.plan.clock.substeps
+    assert sim.plan.choice.solver != "explicit"
+    sim.step()
+    edge, taken = sim.plan.method("selfcontact").surfaces.edge, sim.plan.clock.substeps
+    assert before < taken and 60.0 / (60.0 * taken) <= 0.5 * edge * 1.02 and not told_fast(sim)
+    assert [w for w in sim.warnings if f"{taken} substeps instead of {before} from here on; the frame was repeated" in w]

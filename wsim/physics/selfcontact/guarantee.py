@@ -59,10 +59,10 @@ class Guarantee:
         self.anew(at, again)
         self.prove(at)
 
-    def begin(self, at) -> None:
-        """Looks at pairs where the substep begins."""
+    def begin(self, at, solved: bool = False) -> None:
+        """Looks at pairs where the substep begins. solved: `at` holds where it ends, not what is predicted."""
         self.near.pairs.rows.zero_()
-        self.each(self.inspect, [self.surfaces.data, at, 0], [self.near.pairs, self.near.words])
+        self.each(self.inspect, [self.surfaces.data, at, -int(solved)], [self.near.pairs, self.near.words])
 
     def certify(self, at) -> None:
         """Looks for a proof of every pair."""
