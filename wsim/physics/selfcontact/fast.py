@@ -47,6 +47,7 @@ class Fast:
         return open_ and not self.clock.apart and self.clock.substeps < min(self.needed(said), self.most)
 
     def shorten(self, said: np.ndarray) -> str:
-        """Takes them; the words for it."""
+        """Takes them, as at a start, since history is of other steps; the words for it."""
         before, self.clock.substeps = self.clock.substeps, min(self.needed(said), self.most)
+        self.clock.starting = True
         return f"{WHY}; {self.clock.substeps} substeps instead of {before} from here on"
