@@ -22,12 +22,15 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import closest, pairs
+from wsim.kernels.selfcontact.tubes import LONG
+
+LISTS = 16             # of a substep, from which on points that projections lead out of their tubes are cut
 
 
 @cache
 def bounds(real):
     """Functions: least gap that a file needs of a pair; c, see above, of one whose points are at p1 .. p3 from its first; the
-    least coefficient in the middle; whether it may meet."""
+    least coefficient in the middle."""
     t = types(real)
     Surfaces, State = pairs.surfaces(real), states(real)
     _, slack = pairs.reading(real)
@@ -71,29 +74,43 @@ def bounds(real):
             return -wp.max(other, a1)
         return wp.min(-other, a1 - other)
 
+    return written, rounding, still, between
+
+
+@cache
+def meeting(real):
+    """Function: lists pair i among those that may come as near as they keep, by where its points are and where they are
+    predicted, and a tube's radius. ends 0: words[FAST], by how much nearer that is."""
+    Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
+
     @wp.func
-    def meets(s: Surfaces, at: State, ids: wp.vec4i, b: t.vec4, n: t.vec3, away: real, keep: real):
-        """1 for a pair that may come as near as it keeps, by where its points are and are predicted, and a tube's radius."""
+    def meet(s: Surfaces, at: State, ends: int, i: int, near: Pairs, words: wp.array(dtype=int)):
+        ids = near.ids[i]
+        b = near.b[i]
+        away = near.away[i]
         end = away
         for k in range(4):
-            end += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
-        if wp.min(away, end) < keep + s.beta:
-            return 1
-        return 0
+            end += b[k] * wp.dot(near.n[i], at.d[ids[k]] - at.e[ids[k]])
+        if wp.min(away, end) < near.keep[i] + s.beta:
+            near.row[wp.atomic_add(near.rows, 0, 1)] = i
+        fast = real(100.0 * LONG) * (away - end) / s.longest
+        if ends == 0 and end < near.keep[i] and fast > real(100.0):
+            wp.atomic_max(words, pairs.FAST, int(wp.min(fast, real(1.0e9))))
 
-    return written, rounding, still, between, meets
+    return meet
 
 
 @cache
 def inspect(real, module):
-    """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push; 1: `bad` of every pair where
-    it ends, and how many lack a proof in words[BAD]. A pair that began nearer than s, or
-    than any end that was proven leaves it, is let be (2): nothing of it can be proven, and what holds it is its contact. One
-    kernel, since closest points and normals are most of what is compiled."""
+    """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push, and words[FAST] by what is
+    predicted; -1: without that, as the substep is solved; 1: `bad` of every pair where it ends, and how many lack a proof in
+    words[BAD]. A pair that began nearer than s, or than any end that was proven leaves it, is let be (2): nothing of it can be
+    proven, and what holds it is its contact. One kernel, since closest points and normals are most of what is compiled."""
     vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
-    written, rounding, still, between, meets = bounds(real)
+    written, rounding, still, between = bounds(real)
+    meet = meeting(real)
     weights, least, normal = closest.weights(real), closest.gap(real), closest.normal(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -127,7 +144,7 @@ def inspect(real, module):
                 return
         b = weights(kind, zero, q1, q2, q3)
         m, gap = normal(kind, b, zero, q1, q2, q3)
-        if ends == 0:
+        if ends <= 0:
             near.n[i] = m
             near.b[i] = b
             near.away[i] = wp.dot(m, b[1] * q1 + b[2] * q2 + b[3] * q3)
@@ -135,8 +152,7 @@ def inspect(real, module):
             near.least[i] = written(s, at, kind, ids)
             near.past[i] = near.push[i]
             near.push[i] = zero
-            if meets(s, at, ids, b, m, near.away[i], near.keep[i]) > 0:
-                near.row[wp.atomic_add(near.rows, 0, 1)] = i
+            meet(s, at, ends, i, near, words)
             return
         a1, a2, a3 = wp.dot(n, q1) + wp.dot(m, p1), wp.dot(n, q2) + wp.dot(m, p2), wp.dot(n, q3) + wp.dot(m, p3)
         if not (near.gap[i] > c and gap >= need and between(kind, a1, a2, a3) >= real(2.0) * c):
@@ -229,12 +245,15 @@ def proceed(module):
         going = int(0)
         if kind < 2:
             words[pairs.SWEPT] = wp.max(words[pairs.SWEPT], turn)
-            words[pairs.STRAYED] = words[pairs.OUT]
+            strayed = int(0)
             if bad > 0 and turn < words[pairs.ROUNDS]:
                 going = 1
-                left = 0
-            else:
+            elif words[pairs.OUT] > 0 and words[pairs.MADE] < LISTS:
+                strayed = 1
+            if going == 0:
                 turn = 0
+            left = wp.where(going + strayed > 0, 0, left)
+            words[pairs.STRAYED] = strayed
         else:
             words[pairs.TURNED] = turn
             if turn >= most:

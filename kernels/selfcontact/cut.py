@@ -6,10 +6,11 @@ With m_i the motion of a point beside R, n the normal of the start and s the gap
 
 so that two that are cut keep a tenth of their gap, and one that flies with the others loses nothing. A point that was cut may
 now be in the way of one that was not: what is not certified then is cut, too, round by round; in round ALL everything is; in
-round HELD, which rounding alone can lead to, every point of a pair that lacks a proof stays, and in the last all points do,
-which needs no proof. Points that pins move are held back like others; the pin takes them on in the next substep. Where
-colliders take part, R is what they do (kernels/selfcontact/obstacles.py), and what is held goes along with it: colliders that
-close a gap from two sides leave pairs without a proof then, which are counted.
+round HELD, which rounding alone can lead to, every point of a pair that lacks a proof goes by R alone, in round RIGID all do,
+which keeps their momentum, and in the last all points stay, which needs no proof. Points that pins move are held back like
+others; the pin takes them on in the next substep. Where colliders take part, R is what they do
+(kernels/selfcontact/obstacles.py), and all goes along with it in the last round, too: colliders that close a gap from two
+sides leave pairs without a proof then, which are counted.
 
 Motions are only ever made shorter (monotone), by minima, which need no order.
 
@@ -27,17 +28,18 @@ from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.tubes import ENERGY, carried, frames
 
 KEPT = 0.45
-ALL, HELD, STILL = 8, 9, 10              # rounds from which on: all are cut; pairs without a proof are held; all are
-ROUNDS = 11
+ALL, HELD, RIGID, STILL = 8, 9, 10, 11   # rounds from which on: all are cut; pairs without a proof go by R; all do; all stay
+ROUNDS = 12
 # words that a frame leaves behind: pairs that there was no room for; substeps that were projected, of rounds; cut; most percent
 # of its motion that a point lost; substeps in which all were cut; in which some were held; pairs that began too near, at most;
 # searches; points that were cut; 1: pairs are listed; pairs with colliders that are left without a proof, over all substeps;
 # the place of a point of one, and 1; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and of what was cut of it;
 # substeps running in which a point lost more than LOSS of its motion, at most and at the end; of the colliders of pairs that
-# are left without a proof the last, its number and 1, and the first, MOST less its number
+# are left without a proof the last, its number and 1, and the first, MOST less its number; percent of a mean edge by which
+# surfaces that met came nearer in a substep, at most, where it was more than one
 WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY, PINCHED, WHERE = range(13)
-MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER = range(13, 19)
-SAID, MOST = 19, 1 << 30
+MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER, FAST = range(13, 20)
+SAID, MOST = 20, 1 << 30
 LOSS = 0.05            # of its motion that a point may lose in a substep
 UNIT = 2.0 ** 56       # per kg m^2
 
@@ -105,10 +107,10 @@ def cut(real, module):
         turn = words[pairs.ROUND]
         factor = to.factor[i]
         to.factor[i] = real(1.0)
-        if turn == STILL or (turn == HELD and to.cut[i] == words[pairs.EPOCH]):
-            stay = t.vec3()
-            if f.rigid[3][0] > real(0.0):
-                stay = carry(f, (at.x[i] + s.shift[i]) + at.e[i])
+        if turn >= RIGID or (turn == HELD and to.cut[i] == words[pairs.EPOCH]):
+            stay = carry(f, (at.x[i] + s.shift[i]) + at.e[i])
+            if turn == STILL and not f.rigid[3][0] > real(0.0):
+                stay = t.vec3()
             spend(s.w[i], at.d[i] - at.e[i], stay, to)
             d_out[i] = at.e[i] + stay
             wp.atomic_max(said, LOST, 100)
@@ -165,6 +167,8 @@ def tell(real, module):
             said[STAYED] = said[STAYED] + 1
         said[CLOSE] = wp.max(said[CLOSE], words[pairs.CLOSE])
         words[pairs.CLOSE] = 0
+        said[FAST] = wp.max(said[FAST], words[pairs.FAST])
+        words[pairs.FAST] = 0
         words[pairs.SWEPT] = 0
         words[pairs.TURNED] = 0
         said[BUSY] = words[pairs.NEAR]

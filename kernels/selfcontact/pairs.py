@@ -23,10 +23,11 @@ STRANDS = 1 << 24                        # `body` of strands of rods, and of non
 # and in the first of a substep; projections and cuts that the substep took; its number, by which points are marked as cut;
 # lists that were made in this substep; points out of their tubes behind projections; cuts have ended, and pairs lack a proof;
 # 1: a point was cut by much in this substep; how many running; substeps that the list has held; sweeps go on, as pairs are too
-# near; how many more were taken
+# near; how many more were taken; percent of a mean edge by which a pair that meets comes nearer in the substep, where that is
+# more than 100
 SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED, PINCH = range(16)
-WORST, RUN, AGE, NEARER, MORE = range(16, 21)
-WORDS = 21
+WORST, RUN, AGE, NEARER, MORE, FAST = range(16, 22)
+WORDS = 22
 
 
 @cache

@@ -189,10 +189,10 @@ def axes(real, module):
 
 @cache
 def watch(real, module):
-    """Kernel: counts points that are out of their tubes where the substep ends, or began, in words[OUT]; stop 1: what they do
-    beside R is to be cut; words[SOON] where one would leave it in the next substep."""
+    """Kernel: counts points that are out of their tubes where the substep ends, or began, in words[OUT]; words[SOON] where one
+    would leave it in the next substep."""
     t = types(real)
-    Surfaces, State, Frames, Sums = pairs.surfaces(real), states(real), frames(real), pairs.sums(real)
+    Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
     @wp.func
     def off(p: t.vec3, k: int, i: int, f: Frames):
@@ -200,7 +200,7 @@ def watch(real, module):
         return wp.length((p - f.start[i]) - real(wp.min(k, f.lead[0])) * f.way[i])
 
     @wp.kernel(module=module, enable_backward=False)
-    def watch_tubes(s: Surfaces, at: State, f: Frames, stop: int, to: Sums, words: wp.array(dtype=int)):
+    def watch_tubes(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int)):
         i = s.point[wp.tid()]
         p = at.x[i] + s.shift[i]
         q0 = wp.transform_point(wp.transform_inverse(f.frame[0]), p + at.e[i])
@@ -213,9 +213,6 @@ def watch(real, module):
         f.off[i] = off(q1, k + 1, i, f)
         if not (wp.max(off(q0, k, i, f), f.off[i]) <= room):
             wp.atomic_add(words, pairs.OUT, 1)
-            if stop > 0:
-                to.factor[i] = real(0.0)
-                to.cut[i] = words[pairs.EPOCH]
         if not (off(real(2.0) * q1 - q0, k + 2, i, f) <= room):
             words[pairs.SOON] = 1
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.physics.selfcontact.rig import SOLVERS, run, said
+from tests.physics.selfcontact.rig import SOLVERS, run, said, thrown
+from tests.physics.selfcontact.rig import crossed as intersections
 from tests.physics.selfcontact.test_colliders import crossed, dropped, spike, turning
 from tests.physics.selfcontact.test_squeezed import squeezed
 
@@ -45,3 +46,16 @@ def test_a_light_sheet_between_heavy_ones_is_not_cut(solver):
         assert told["cut"] == told["held"] == told["projected"] == 0, told
         found.append(np.concatenate([sim.positions(b.path) for b in sim.model.bodies]))
     assert np.array_equal(*found) and np.isfinite(found[0]).all()
+
+
+@pytest.mark.parametrize("solver", ["newton", "newton bdf2", "xpbd"])
+def test_sheets_that_meet_within_a_substep_are_not_cut(solver):
+    """Lists that are made within the loop of projections, a condition within a condition of a graph."""
+    found = []
+    for _ in range(2):
+        sim = run(thrown(2, **{**SOLVERS[solver], "substeps": 12, "iterations": 2}), "cuda:0")
+        sim.run(2)
+        told = said(sim)
+        assert intersections(sim) == told["cut"] == told["held"] == 0 and told["projected"] > 0, told
+        found.append(np.concatenate([sim.positions(b.path) for b in sim.model.bodies]))
+    assert np.array_equal(*found)

@@ -1,5 +1,7 @@
 """Scenes of surfaces that touch, and how often they intersect by the exact test, on the float32 values of a file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,21 @@ def crumple(seed: int, side: int = 18, speed: float = 8.0, **more) -> Scene:
                 for _ in range(4))
     scene.cloth("/sheet", points, counts, indices, material=THIN, self_collision=True,
                 velocities=-speed * points / 0.15 + 0.25 * speed * waves)
+    return scene
+
+
+def thrown(seed: int, side: int = 16, speed: float = 20.0, edge: float = 0.012, **more) -> Scene:
+    """Two sheets of side x side points, edges [m] ten times as long as they are thick, which meet at a speed [m/s] and turn; by
+    a seed for how."""
+    rng, size = np.random.default_rng(seed), edge * (side - 1)
+    scene = layers(2, side, 0.0, size=size, **more)
+    for cloth, sign in zip(scene.cloths, (-1.0, 1.0), strict=True):
+        turn, r = np.linalg.qr(rng.normal(size=(3, 3)))
+        turn *= np.sign(np.diag(r))
+        points = cloth.points @ (turn * np.linalg.det(turn)).T
+        cloth.material = replace(THIN, stretch=300.0, shear=80.0, thickness=0.1 * edge)
+        cloth.velocities = np.array((-0.5 * sign * speed, 0.0, 0.0)) + np.cross(rng.normal(size=3) * 10.0, points)
+        cloth.points[:] = points + (sign * (0.5 * size * 2.0 ** 0.5 + 5e-3), 0.0, 0.0)
     return scene
 
 

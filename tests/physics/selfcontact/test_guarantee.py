@@ -1,9 +1,14 @@
 """Surfaces never end a substep with an intersection, keep momentum, and pay nothing for flying together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.physics.selfcontact.rig import crossed, crumple, layers, run, said
+from tests.conftest import first_and_slow
+from tests.physics.selfcontact.rig import SOLVERS, THIN, crossed, crumple, layers, run, said, solvers, thrown
+from tests.physics.selfcontact.test_momentum import moments
+from wsim.kernels.selfcontact import cut, pairs
 from wsim.physics.selfcontact import method
 
 
@@ -74,3 +79,102 @@ def test_energy_that_cuts_take_is_counted(monkeypatch):
     wanted = np.sum(kinetic[:-1]) * h                                    # motions of a substep are those of the one before
     assert told["cut_energy"] == pytest.approx(lost.sum() / wanted, rel=1e-3)
     assert told["cut_run"] == (lost > 0.1 * np.array(kinetic[:-1])).sum() > 1
+
+
+@pytest.mark.parametrize("solver", first_and_slow(solvers("newton", "newton bdf2", "xpbd", "xpbd bdf2")))
+def test_sheets_that_meet_within_a_substep_are_projected_and_not_cut(solver):
+    """28 mm a substep, 23 thicknesses, more than two edges: projections lead points out of their tubes several times over, each
+    time there is a list of where they are, and momentum stays."""
+    sim = run(thrown(2, **{**solver, "substeps": 12, "iterations": 2}))
+    before, _, size, _ = moments(sim)
+    for _ in range(2):
+        sim.step()
+        assert crossed(sim) == 0
+    told = said(sim)
+    assert told["projected"] > 0 and told["cut"] == told["held"] == told["repeated"] == 0, told
+    assert np.abs(moments(sim)[0] - before).max() < 1e-6 * size
+
+
+def test_cuts_end_where_proofs_do(monkeypatch):
+    """The same sheets, without projections: points near the places where they meet are cut, and no others, though cut points
+    leave tubes that lead ahead. With projections again nothing more is, and edges get their lengths back."""
+    with monkeypatch.context() as patch:
+        patch.setattr(method, "ROUNDS", 0)
+        patch.setattr(method, "LOSS", 1000)
+        sim = run(thrown(2, **{**SOLVERS["newton"], "substeps": 12, "iterations": 2}))
+        for _ in range(2):
+            sim.step()
+            assert crossed(sim) == 0
+    told, strained = said(sim), sim.indicators()["max_strain"]
+    assert told["cut"] > 0 and told["held"] == 0, told
+    for _ in range(3):
+        sim.step()
+        assert crossed(sim) == 0
+    assert said(sim)["cut"] == told["cut"] and said(sim)["held"] == 0
+    assert sim.indicators()["max_strain"] < 0.5 * strained
+
+
+@pytest.mark.parametrize("turn", [cut.RIGID, cut.HELD])
+def test_what_is_held_goes_by_the_motion_of_all(turn):
+    """Motions of a substep at random beside 20 m/s: what is held keeps its shape, and its momentum where that is all; by round
+    HELD it is the first sheet, and the other goes on as it did."""
+    sim = run(layers(2, 5, 0.02, velocity=(20.0, 0.0, 0.0), spin=3.0))
+    sim.step()
+    found, s = sim.plan.method("selfcontact"), sim.state
+    before = s.d.numpy() - s.e.numpy() + np.random.default_rng(5).normal(size=s.d.shape + (3,)) * 5e-3
+    s.d.assign(before + s.e.numpy())
+    x, near, first = s.x.numpy().copy(), found.near, slice(0, sim.model.bodies[0].count)
+    near.move(found.at(), 0)
+    near.word(pairs.ROUND).fill_(turn)
+    marks = near.sums.cut.numpy()
+    marks[first] = near.words.numpy()[pairs.EPOCH]
+    near.sums.cut.assign(marks)
+    data = found.surfaces.data
+    sim.model.launch(found.guarantee.cut, len(x), [data, found.at(), near.frames, near.words, near.sums], [s.d, found.said])
+    after = s.d.numpy() - s.e.numpy()
+    held = slice(None) if turn == cut.RIGID else first
+    ends, starts = (places[held][:, None] - places[held][None] for places in (x + after, x))
+    assert np.abs(np.linalg.norm(ends, axis=2) - np.linalg.norm(starts, axis=2)).max() < 1e-6
+    assert np.abs((after - before)[held]).max() > 1e-3 and np.linalg.norm(after[held], axis=1).min() > 0.02
+    if turn == cut.HELD:
+        assert np.abs((after - before)[first.stop:]).max() < 1e-8
+    else:
+        masses = 1.0 / data.w.numpy()
+        assert np.abs(masses @ (after - before)).max() < 1e-6 * 0.02 * masses.sum()
+
+
+def clap(speed: float, stretch: float = 300.0, **more):
+    """Two flat sheets that meet at a speed [m/s]."""
+    scene = layers(2, 6, 0.05, **more)
+    for cloth, sign in zip(scene.cloths, (1.0, -1.0), strict=True):
+        cloth.velocities = np.broadcast_to((0.0, 0.5 * sign * speed, 0.0), cloth.points.shape).copy()
+        cloth.material = replace(THIN, stretch=stretch, shear=0.25 * stretch)
+    return scene
+
+
+def told_fast(sim) -> list[str]:
+    return [w for w in sim.warnings if w.endswith("substeps would do")]
+
+
+@pytest.mark.parametrize("solver", first_and_slow(solvers("xpbd", "newton")))
+def test_sheets_that_meet_by_more_than_an_edge_in_a_substep_are_told_how_many_would_do(solver):
+    """As many as make it half of a mean edge: v / (edge / 2) a second; with these nothing is told."""
+    sim = run(clap(60.0, **{**solver, "substeps": 10, "iterations": 2}))
+    sim.step()
+    edge = sim.plan.method("selfcontact").surfaces.edge
+    wanted = np.ceil(10 * np.floor(100.0 * 60.0 / 600.0 / edge) / 50.0)
+    assert told_fast(sim) == ["frame 1: surfaces that met came nearer by more than an edge in a substep, and stretched for it; "
+                              f"{wanted:.0f} substeps would do"]
+    sim = run(clap(60.0, **{**solver, "substeps": int(wanted), "iterations": 2}))
+    sim.step()
+    assert np.abs(sim.velocities("/layer0")[:, 1].mean()) < 1.0 and not told_fast(sim)
+
+
+def test_auto_takes_the_substeps_that_sheets_meet_in():
+    sim = run(clap(60.0, stretch=1e6, solver="auto", substeps=1, error=0.05))
+    before = sim.plan.clock.substeps
+    assert sim.plan.choice.solver != "explicit"
+    sim.step()
+    edge, taken = sim.plan.method("selfcontact").surfaces.edge, sim.plan.clock.substeps
+    assert before < taken and 60.0 / (60.0 * taken) <= 0.5 * edge * 1.02 and not told_fast(sim)
+    assert [w for w in sim.warnings if f"{taken} substeps instead of {before} from here on; the frame was repeated" in w]

@@ -38,10 +38,8 @@ class Guarantee:
         near.look(at)
         wp.capture_if(near.word(pairs.OUT), lambda: self.anew(at, again))
         wp.capture_if(near.word(pairs.NEAR), lambda: self.prove(at))
-        wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d))
-        wp.capture_if(near.word(pairs.STRAYED), lambda: self.astray(at, again))
-        wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d))
-        wp.capture_while(near.word(pairs.LEFT), lambda: self.shrink(at, d, said))
+        wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d, again))
+        wp.capture_while(near.word(pairs.LEFT), lambda: self.shrink(at, d, again, said))
         self.close(said)
 
     def close(self, said: wp.array) -> None:
@@ -61,10 +59,10 @@ class Guarantee:
         self.anew(at, again)
         self.prove(at)
 
-    def begin(self, at) -> None:
-        """Looks at pairs where the substep begins."""
+    def begin(self, at, solved: bool = False) -> None:
+        """Looks at pairs where the substep begins. solved: `at` holds where it ends, not what is predicted."""
         self.near.pairs.rows.zero_()
-        self.each(self.inspect, [self.surfaces.data, at, 0], [self.near.pairs, self.near.words])
+        self.each(self.inspect, [self.surfaces.data, at, -int(solved)], [self.near.pairs, self.near.words])
 
     def certify(self, at) -> None:
         """Looks for a proof of every pair."""
@@ -74,8 +72,9 @@ class Guarantee:
         self.certify(at)
         self.model.launch(self.proceed, 1, [], [self.near.words, 0, cut.ROUNDS])
 
-    def push(self, at, d: wp.array) -> None:
-        """One projection of what is not certified."""
+    def push(self, at, d: wp.array, again) -> None:
+        """One projection of what is not certified; behind the last of a list those that led points out of their tubes have a
+        new one."""
         near, data, points = self.near, self.surfaces.data, self.surfaces
         self.each(self.share, [data, at, near.pairs], [near.sums])
         self.each(self.project, [data, at, near.pairs], [near.sums])
@@ -83,11 +82,11 @@ class Guarantee:
         self.certify(at)
         near.look(at)
         self.model.launch(self.proceed, 1, [], [near.words, 1, cut.ROUNDS])
+        wp.capture_if(near.word(pairs.STRAYED), lambda: self.astray(at, again))
 
-    def shrink(self, at, d: wp.array, said: wp.array) -> None:
-        """One round of cuts."""
+    def shrink(self, at, d: wp.array, again, said: wp.array) -> None:
+        """One round of cuts. What is cut falls behind its tube, which leads ahead: then there is a list of where it is."""
         near, data = self.near, self.surfaces.data
-        near.look(at, 1)
         self.each(self.claim, [near.words, near.pairs], [near.sums])
         frames = near.frames
         if self.pinch:
@@ -95,7 +94,7 @@ class Guarantee:
             frames = self.pinch.frames
         self.each(self.shorten, [data, at, frames, near.words, near.pairs], [near.sums])
         self.model.launch(self.cut, self.surfaces.free["points"], [data, at, frames, near.words, near.sums], [d, said])
-        near.word(pairs.OUT).zero_()
-        self.certify(at)
         near.look(at)
+        wp.capture_if(near.word(pairs.OUT), lambda: self.anew(at, again))
+        self.certify(at)
         self.model.launch(self.proceed, 1, [], [near.words, 2, cut.ROUNDS])

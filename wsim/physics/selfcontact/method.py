@@ -20,6 +20,7 @@ from wsim.kernels.selfcontact import cut, pairs, rows
 from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.status import Status
 from wsim.model.structs import filled
+from wsim.physics.selfcontact import fast
 from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import Guarantee
 from wsim.physics.selfcontact.near import Near
@@ -62,6 +63,7 @@ class SelfContact(Method):
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
+        self.fast = fast.Fast(b.model, b.clock)
         self.strands = b.methods.find("strands")
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
         self.obstacles = self.surfaces.obstacles
@@ -193,7 +195,7 @@ class SelfContact(Method):
     def keep(self, clock: Clock) -> None:
         def again() -> None:
             self.near.search(self.at())
-            self.guarantee.begin(self.at())
+            self.guarantee.begin(self.at(), solved=True)
         self.borrow()
         if self.strands:
             self.strands.pushes()
@@ -228,6 +230,8 @@ class SelfContact(Method):
             return [Remedy("meet")] if self.busy or wanted else []
         if wanted:
             return [Remedy("grow", lambda: self.grow(wanted))]
+        if self.fast.shortens(said):
+            return [Remedy("grow", lambda: self.fast.shorten(said))]
         if (said[cut.LOST] > LOSS or said[cut.PINCHED]) and not self.often:
             self.often = True
             self.repeats += 1
@@ -235,16 +239,9 @@ class SelfContact(Method):
         if said[cut.PINCHED] and (self.model.worlds == 1 or self.clock.apart):
             self.total[cut.PINCHED] += said[cut.PINCHED]
             self.stopped = True
-            return [Remedy("stop", part="points", row=int(said[cut.WHERE]) - 1, why=self._pinched(said))]
+            why = self.guarantee.pinch.words(said)
+            return [Remedy("stop", part="points", row=int(said[cut.WHERE]) - 1, why=why)]
         return []
-
-    def _pinched(self, said: np.ndarray) -> str:
-        """Words for what has no way out."""
-        assert self.obstacles
-        numbers = sorted({int(cut.MOST - said[cut.FORMER]), int(said[cut.LATTER]) - 1})
-        names = " and ".join(self.obstacles.contacts.rows.colliders[n].path for n in numbers)
-        return (f"is pinched: {names} left it no room, {said[cut.PINCHED]} pairs of surfaces, counted in each substep, had no "
-                "way out; give more room there, or a smaller thickness")
 
     def grow(self, wanted: int) -> str:
         before = self.near.pairs.capacity
@@ -267,6 +264,8 @@ class SelfContact(Method):
         if said[cut.CLOSE]:
             found.append((("self-contact", "close"), float(said[cut.CLOSE]), "{worst} pairs of surfaces began a substep "
                           "intersecting or closer than what a file can tell apart; nothing is proven of them"))
+        if said[cut.FAST]:
+            found.append((("self-contact", "fast"), float(self.fast.needed(said)), f"{fast.WHY}; {{worst}} substeps would do"))
         if said[cut.LOST] > LOSS:
             found.append((("self-contact", "cut"), float(said[cut.LOST]), "surfaces were about to pass through each other, and "
                           "a point lost {worst} % of its motion in a substep; give more substeps"))

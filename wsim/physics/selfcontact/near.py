@@ -145,7 +145,6 @@ class Near:
         launch(self.sift, threads, [s.data, f, self.found, threads], [self.pairs])
         launch(self.listed, 1, [self.found, begins], [self.pairs, f, self.words])
 
-    def look(self, at, stop: int = 0) -> None:
+    def look(self, at) -> None:
         """Looks whether points are in their tubes where the substep ends."""
-        self.model.launch(self.watch, len(self.surfaces.points), [self.surfaces.data, at, self.frames, stop],
-                          [self.sums, self.words])
+        self.model.launch(self.watch, len(self.surfaces.points), [self.surfaces.data, at, self.frames], [self.words])

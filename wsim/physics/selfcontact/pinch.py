@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.selfcontact import cut, pairs, tubes
 from wsim.kernels.selfcontact import obstacles as kernels
-from wsim.kernels.selfcontact import pairs, tubes
 from wsim.model.structs import filled, values
 
 if TYPE_CHECKING:
@@ -47,6 +48,13 @@ class Pinch:
             launch(near.fold, (out.shape[0], tubes.COLUMNS), [rows], [out])
         launch(near.fit, 1, [m[-1], 1], [self.own])
         launch(self.pick, 1, [m[-1], self.own, near.frames], [self.frames])
+
+    def words(self, said: np.ndarray) -> str:
+        """Words for what has no way out."""
+        numbers = sorted({int(cut.MOST - said[cut.FORMER]), int(said[cut.LATTER]) - 1})
+        names = " and ".join(self.obstacles.contacts.rows.colliders[n].path for n in numbers)
+        return (f"is pinched: {names} left it no room, {said[cut.PINCHED]} pairs of surfaces, counted in each substep, had no "
+                "way out; give more room there, or a smaller thickness")
 
     def tell(self, said: wp.array) -> None:
         """Counts pairs that are left without a proof, to the words of the frame."""
