@@ -46,8 +46,27 @@ def aims(real):
         q: wp.array(dtype=t.scalar)               # impulse along n [kg m/s]
         swept: wp.array(dtype=t.scalar)           # that the sweep before made [kg m/s]
         keep: wp.array(dtype=t.scalar)            # distance that the pair keeps [m]
+        u: wp.array(dtype=wp.types.matrix((4, 3), real))    # what an impulse of 1 gives to each point; empty: b n
+        turn: wp.array(dtype=t.vec3)              # moment that pushes are short of [m^2 kg]; empty: none
 
     return Aims
+
+
+@cache
+def way(real, coupled: bool):
+    """Function: what an impulse of 1 gives to the k-th point of a pair, and by which a velocity of it counts."""
+    t, Aims = types(real), aims(real)
+
+    @wp.func
+    def straight(aim: Aims, j: int, k: int):
+        return aim.b[j][k] * aim.n[j]
+
+    @wp.func
+    def along(aim: Aims, j: int, k: int):
+        u = aim.u[j]
+        return t.vec3(u[k, 0], u[k, 1], u[k, 2])
+
+    return along if coupled else straight
 
 
 @cache
@@ -90,9 +109,9 @@ def gather(real, module):
 
 
 @cache
-def spread(real, module):
+def spread(real, module, coupled: bool = False):
     """Kernel: adds the weights of pairs to the shares of points, as each sweep needs them."""
-    Aims, Sums = aims(real), pairs.sums(real)
+    Aims, Sums, least = aims(real), pairs.sums(real), int(coupled)                # couples move all four
 
     @wp.kernel(module=module, enable_backward=False)
     def spread_aims(aim: Aims, threads: int, to: Sums):
@@ -100,7 +119,7 @@ def spread(real, module):
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
                 for k in range(4):
-                    share = int(wp.ceil(wp.abs(aim.b[j][k]) * real(pairs.SHARES)))
+                    share = wp.max(int(wp.ceil(wp.abs(aim.b[j][k]) * real(pairs.SHARES))), least)
                     if share > 0:
                         wp.atomic_add(to.share, aim.ids[j][k], share)
             j += threads
@@ -160,11 +179,11 @@ def aim(real, module):
 
 
 @cache
-def strike(real, module):
+def strike(real, module, coupled: bool = False):
     """Kernel: one sweep; v: velocities that pairs look at [m/s]; more: as `press` of kernels/selfcontact/rows.py."""
     t = types(real)
     Aims, Sums = aims(real), pairs.sums(real)
-    fixed, lead_of = pairs.fixed(real), rows.leads(real)
+    fixed, lead_of, each = pairs.fixed(real), rows.leads(real), way(real, coupled)
 
     @wp.func
     def after(aim: Aims, j: int, r: real, lead: real):
@@ -188,29 +207,28 @@ def strike(real, module):
             if aim.most[j] > aim.least[j]:
                 ids = aim.ids[j]
                 b = aim.b[j]
-                n = aim.n[j]
                 W = real(0.0)
                 r = -aim.aim[j]
                 for k in range(4):
                     W += wp.abs(b[k]) * w[ids[k]] * real(to.share[ids[k]]) / real(pairs.SHARES)
-                    r += b[k] * wp.dot(n, v[ids[k]])
+                    r += wp.dot(each(aim, j, k), v[ids[k]])
                 if W > real(0.0):
                     before = aim.q[j]
                     now = after(aim, j, r / W, lead)
                     aim.q[j] = now
                     for k in range(4):
-                        fixed(to, ids[k], (w[ids[k]] * b[k] * (now - before)) * n)
+                        fixed(to, ids[k], (w[ids[k]] * (now - before)) * each(aim, j, k))
             j += threads
 
     return strike_pairs
 
 
 @cache
-def lacking(real, module):
+def lacking(real, module, coupled: bool = False):
     """Kernel: words[NEARER] becomes 1 where a pair that could be given more lacks a velocity by which it goes LITTLE of its
     distance in h. first 1: words[MORE] begins."""
     t = types(real)
-    Aims = aims(real)
+    Aims, each = aims(real), way(real, coupled)
 
     @wp.kernel(module=module, enable_backward=False)
     def lacking_pairs(v: wp.array(dtype=t.vec3), aim: Aims, h: real, first: int, threads: int, words: wp.array(dtype=int)):
@@ -219,10 +237,9 @@ def lacking(real, module):
             words[pairs.MORE] = 0
         while j < aim.count[0]:
             ids = aim.ids[j]
-            b = aim.b[j]
             r = -aim.aim[j]
             for k in range(4):
-                r += b[k] * wp.dot(aim.n[j], v[ids[k]])
+                r += wp.dot(each(aim, j, k), v[ids[k]])
             free = (r > real(0.0) and aim.q[j] > aim.least[j]) or (r < real(0.0) and aim.q[j] < aim.most[j])
             if free and wp.abs(r) * h > real(LITTLE) * aim.keep[j]:
                 wp.atomic_max(words, pairs.NEARER, 1)

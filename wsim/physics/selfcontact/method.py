@@ -44,7 +44,7 @@ RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of t
 
 def build(b: Build) -> SelfContact:
     """Raises SceneError for an integrator that ends a substep elsewhere than where it solves."""
-    if b.clock.integrator.rebounds:
+    if b.clock.integrator.solves > 1:
         name = b.clock.integrator.title or b.clock.integrator.name
         raise SceneError(Problem("/", f"{name} ends a substep elsewhere than where it solves, and surfaces with "
                                  "wsim:selfCollision are proven where that is; take wsim:integrator = backward_euler, bdf2 or "
@@ -74,7 +74,9 @@ class SelfContact(Method):
         self.frames = self.repeats = self.run = 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
         self.often, self.fresh, self.busy, self.stopped = False, True, True, False
-        self.within = within = b.choice.solver == "xpbd"
+        self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
+        if b.clock.integrator.beyond:
+            self.points.motion.meet()
         self.sweeps = SWEEPS if within else BEHIND
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         if self.obstacles:
@@ -83,6 +85,7 @@ class SelfContact(Method):
             what += f"; {len(self.strands.edges)} edges are strands'"
         self.stages = [
             Stage("near pairs", "collide", self.find, 1, 0, what=what),
+            *[Stage("prolong", "solve", self.prolong, 1, 0, what="end of the substep")][:b.clock.integrator.beyond],
             Stage("self-contact", "solve", self.touch, 3 * self.sweeps, 0, "iteration" if within else "substep", "near pairs"),
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
         for stage in self.stages:
@@ -131,8 +134,17 @@ class SelfContact(Method):
         if self.strands:
             self.strands.lend()
         self.borrow()
-        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at(), begins=1))
-        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(self.at()))
+        at = self.at()
+        if clock.integrator.beyond:
+            s = self.state
+            at.d = self.points.motion.ahead
+            self.settle.combine(2.0, s.d, -1.0, s.e, at.d)
+        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(at, begins=1))
+        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(at))
+
+    def prolong(self, clock: Clock) -> None:
+        if clock.integrator.beyond:
+            self.points.motion.prolong(clock)
 
     def touch(self, clock: Clock) -> None:
         import warp as wp

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from wsim.model.stage import Clock, Methods
     from wsim.physics.selfcontact.method import SelfContact
 
+import os
+SETTLES = int(os.environ.get("SETTLES", "1"))
 SWEEPS = 12            # fewer leave more of a bounce; momentum is kept by any number
 
 
@@ -25,13 +27,20 @@ class Settle:
         self.method, self.model, self.state = method, method.model, method.state
         self.clock = method.clock
         m = self.clock.integrator
-        self.memory, self.halved = m.memory > 0.0, m.lags
+        self.beyond = m.beyond
+        self.memory, self.halved = m.memory > 0.0 or m.beyond, m.lags
         self.capacity = 0
         if self.memory or self.halved:
             real, module = self.model.real, self.model.module
-            self.kernels = {f.__name__: f(real, module) for f in (settle.gather, settle.spread, settle.strike, settle.combine)}
+            self.kernels = {f.__name__: f(real, module, self.beyond) for f in (settle.spread, settle.strike)}
+            self.kernels["combine"] = settle.combine(real, module)
             if self.memory:
-                self.kernels |= {"aim": settle.aim(real, module), "lacking": settle.lacking(real, module)}
+                self.kernels["lacking"] = settle.lacking(real, module, self.beyond)
+            if self.beyond:
+                from wsim.kernels.selfcontact import prolonged
+                self.kernels |= {"gather": prolonged.gather(real, module), "aim": prolonged.aim(real, module)}
+            else:
+                self.kernels |= {"gather": settle.gather(real, module), "aim": settle.aim(real, module)}
             if self.halved:
                 self.kernels["give"] = settle.give(real, module)
             vec3 = types(real).vec3
@@ -47,6 +56,8 @@ class Settle:
         n = self.capacity = self.method.near.pairs.capacity
         scalars = ("aim", "least", "most", "q", "swept", "keep")
         dtypes = {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(scalars, t.scalar)}
+        if self.beyond:
+            dtypes |= {"u": wp.types.matrix((4, 3), self.model.real), "turn": t.vec3}
         self.aims = filled(settle.aims(self.model.real), count=wp.zeros(1, dtype=int, device=device),
                            **{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
         self.threads = n if device.is_cuda else 1
@@ -105,6 +116,11 @@ class Settle:
             return
         near = self.method.near
         self.aims.count.zero_()
+        if self.beyond:
+            ahead = self.method.points.motion.ahead
+            self.aims.count.zero_()
+            wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [self.method.surfaces.data, self.method.at(), near.pairs, ahead, self.state.v, clock.h], [self.aims]))
+            return
         back = -clock.g if self.memory else 2.0 * clock.h
         wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [near.pairs, back], [self.aims]))
         if self.halved:
@@ -121,6 +137,13 @@ class Settle:
         if self.halved:
             out = self.given if clock.k == clock.substeps - 1 else self.lasting
             self.combine(1.0, self.given, 1.0 / clock.h, s.d, out)
+        elif self.beyond:
+            if clock.integrator.beyond:
+                ahead = self.method.points.motion.ahead
+                self.combine(1.0, s.v, 1.0 / clock.h, s.d, s.v)
+                self.combine(1.0, s.v, -1.0 / clock.h, ahead, s.v)
+                if SETTLES:
+                    wp.capture_if(self.aims.count, lambda: self.land(clock))
         else:
             wp.capture_if(self.aims.count, lambda: self.forget(clock))
 
@@ -135,6 +158,11 @@ class Settle:
         self.combine(1.0, s.v, 0.0, s.v, v)
         self.sweep(v)
         self.combine(1.0, v, 0.0, v, s.v)
+
+    def land(self, clock: Clock) -> None:
+        self.pairs("aim", [self.method.surfaces.data, self.method.at(), clock.h], [self.aims, self.method.near.sums])
+        self.add(self.state.v)
+        self.sweep(self.state.v)
 
     def half(self, change: wp.array) -> None:
         """Behind leapfrog's last half kick; change: what others changed velocities by in the last substep."""

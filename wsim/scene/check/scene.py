@@ -102,7 +102,7 @@ def _method(scene: Scene) -> Iterator[Problem]:
     if scene.softs and scene.solver == "xpbd":
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
-    if collides(scene) and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
+    if (scene.colliders or carried(scene)) and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
         said, others = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
         if scene.bodies() and carried(scene):            # bodies that touch points: `wsim.simulation.choice` takes BDF2
             yield warning("/", f"{said} rigid bodies that points touch: bdf2 takes its place", others, "name one of them")
