@@ -3,11 +3,11 @@ no place.
 
 Contacts push at the end of a substep h, where d~ and v~ are without them, and v~ + (d - d~) / h is right of a blow: what is left
 of the way is left of the velocity. Of a force that lasts the same push takes back the way h^2 f / 2, and with it half of the
-velocity h f. So the relative velocity of a pair that pushes with P [m kg] is made that of its relative motion, which tells one
-from the other (as BDF2's, kernels/selfcontact/settle.py):
+velocity h f. Relative velocities along n of pairs that push tell one from the other: they are made those of relative motions,
+by impulses that have the friction of the push P [m kg], n . P / h + Q >= 0 (as BDF2's, kernels/selfcontact/settle.py):
 
-    sum_k u_k . v_k = sum_k u_k . (d_k - e_k) / h,      by impulses Q u_k,   |P| / h + Q >= 0
-    u_k = b_k n - (J^-1 (D x n)) x r_k,   n = P / |P|,  r, D, J where the substep ends (kernels/selfcontact/couple.py)
+    n . sum_k b_k v_k = n . sum_k b_k (d_k - e_k) / h        v_k <- v_k + w_k Q u_k
+    u_k = b_k p - (J^-1 (D x p)) x r_k,   p = P / n . P,   r, D, J where the substep ends (kernels/selfcontact/couple.py)
 
 They have no moment. P has one: it is none about the place where the substep begins, and counts about
 
@@ -63,17 +63,17 @@ def gather(real, module):
         while j < near.rows[0]:
             i = near.row[j]
             push = near.push[i]
-            size = wp.length(push)
+            size = wp.dot(push, near.n[i])
             to.ids[j] = near.ids[i]
             to.b[j] = near.b[i]
             to.keep[j] = near.keep[i]
-            to.n[j] = t.vec3()
+            to.n[j] = near.n[i]
             to.turn[j] = t.vec3()
             to.least[j] = real(0.0)
             to.most[j] = real(0.0)
             to.q[j] = real(0.0)
             if size > real(0.0):
-                to.n[j] = push / size
+                to.along[j] = push / size
                 to.turn[j] = moment(s, at, ahead, v, near.ids[i], near.b[i], push, h)
                 to.least[j] = -size / h
                 to.most[j] = real(1.0e30)
@@ -84,7 +84,7 @@ def gather(real, module):
 
 @cache
 def aim(real, module):
-    """Kernel: u of the pairs, the velocities that are wanted, and the couples that give back moments, to the sums of points
+    """Kernel: u of the pairs, the relative velocities that are wanted, and the couples that give back moments, to the sums of points
     [m/s] and to their shares, so that they are taken."""
     t = types(real)
     Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
@@ -109,7 +109,7 @@ def aim(real, module):
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
                 ids = aim.ids[j]
-                n = aim.n[j]
+                p = aim.along[j]
                 r = ends(s, at, ids)
                 free, D = real(1.0), t.vec3()
                 for k in range(4):
@@ -118,13 +118,12 @@ def aim(real, module):
                 K = t.mat33()
                 if free > real(0.0):                      # what cannot move takes moments
                     K = lever(r)
-                back = K * wp.cross(D, n)
+                back = K * wp.cross(D, p)
                 give = K * aim.turn[j] / h
                 u, motion = points(), real(0.0)
                 for k in range(4):
-                    way = aim.b[j][k] * n - wp.cross(back, r[k])
-                    motion += wp.dot(way, at.d[ids[k]] - at.e[ids[k]])
-                    u[k] = way
+                    u[k] = aim.b[j][k] * p - wp.cross(back, r[k])
+                    motion += aim.b[j][k] * wp.dot(aim.n[j], at.d[ids[k]] - at.e[ids[k]])
                     wp.atomic_add(to.share, ids[k], 1)
                     fixed(to, ids[k], -s.w[ids[k]] * wp.cross(give, r[k]))
                 aim.u[j] = u

@@ -46,15 +46,16 @@ def aims(real):
         q: wp.array(dtype=t.scalar)               # impulse along n [kg m/s]
         swept: wp.array(dtype=t.scalar)           # that the sweep before made [kg m/s]
         keep: wp.array(dtype=t.scalar)            # distance that the pair keeps [m]
-        u: wp.array(dtype=wp.types.matrix((4, 3), real))    # what an impulse of 1 gives to each point; empty: b n
-        turn: wp.array(dtype=t.vec3)              # moment that pushes are short of [m^2 kg]; empty: none
+        along: wp.array(dtype=t.vec3)             # P / n . P, as impulses go; empty: along n
+        u: wp.array(dtype=wp.types.matrix((4, 3), real))    # what an impulse of 1 along n gives to each point; empty: b n
+        turn: wp.array(dtype=t.vec3)              # moment that pushes have, to be given back [m^2 kg]; empty: none
 
     return Aims
 
 
 @cache
 def way(real, coupled: bool):
-    """Function: what an impulse of 1 gives to the k-th point of a pair, and by which a velocity of it counts."""
+    """Function: what an impulse of 1 along n gives to the k-th point of a pair."""
     t, Aims = types(real), aims(real)
 
     @wp.func
@@ -207,11 +208,12 @@ def strike(real, module, coupled: bool = False):
             if aim.most[j] > aim.least[j]:
                 ids = aim.ids[j]
                 b = aim.b[j]
+                n = aim.n[j]
                 W = real(0.0)
                 r = -aim.aim[j]
                 for k in range(4):
                     W += wp.abs(b[k]) * w[ids[k]] * real(to.share[ids[k]]) / real(pairs.SHARES)
-                    r += wp.dot(each(aim, j, k), v[ids[k]])
+                    r += b[k] * wp.dot(n, v[ids[k]])
                 if W > real(0.0):
                     before = aim.q[j]
                     now = after(aim, j, r / W, lead)
@@ -224,11 +226,11 @@ def strike(real, module, coupled: bool = False):
 
 
 @cache
-def lacking(real, module, coupled: bool = False):
+def lacking(real, module):
     """Kernel: words[NEARER] becomes 1 where a pair that could be given more lacks a velocity by which it goes LITTLE of its
     distance in h. first 1: words[MORE] begins."""
     t = types(real)
-    Aims, each = aims(real), way(real, coupled)
+    Aims = aims(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def lacking_pairs(v: wp.array(dtype=t.vec3), aim: Aims, h: real, first: int, threads: int, words: wp.array(dtype=int)):
@@ -237,9 +239,10 @@ def lacking(real, module, coupled: bool = False):
             words[pairs.MORE] = 0
         while j < aim.count[0]:
             ids = aim.ids[j]
+            b = aim.b[j]
             r = -aim.aim[j]
             for k in range(4):
-                r += wp.dot(each(aim, j, k), v[ids[k]])
+                r += b[k] * wp.dot(aim.n[j], v[ids[k]])
             free = (r > real(0.0) and aim.q[j] > aim.least[j]) or (r < real(0.0) and aim.q[j] < aim.most[j])
             if free and wp.abs(r) * h > real(LITTLE) * aim.keep[j]:
                 wp.atomic_max(words, pairs.NEARER, 1)

@@ -71,10 +71,11 @@ class Prolonged(Euler):
 
     def make(self, real, module: str) -> None:
         self.kernels["end"] = kernels.finish_beyond(real, module, self.row.nodes[0])
+        self.more = 1.0 / self.row.nodes[0] - 1.0
         self.ahead: Any = None            # d at the end of a substep before surfaces that touch act on it, where some do
 
     def meet(self) -> None:
-        """Surfaces touch where substeps end."""
+        """Makes what surfaces need that touch where substeps end."""
         real, module = self.model.real, self.model.module
         self.ahead = wp.zeros(self.model.points, dtype=types(real).vec3, device=self.model.device)
         self.kernels |= {"prolong": kernels.prolong(real, module, self.row.nodes[0]), "land": kernels.land(real, module)}

@@ -5,8 +5,8 @@ XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit
 impulses, BEHIND of them (as pairs of carriers do), and more while a pair would end at less than half of its distance: what is
 light between what is heavy takes hundreds. By leapfrog only where there are neither colliders nor strands: what is read behind
 half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
-behind each solver: it changes displacements before velocities are made of them. Integrators whose substeps end elsewhere than
-where they solve are refused.
+behind each solver: it changes displacements before velocities are made of them. The implicit midpoint goes on to the end of its
+steps before (wsim/physics/selfcontact/prolonged.py), by XPBD too; sdirk3, which solves twice a step, is refused.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ from wsim.model.structs import filled
 from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import Guarantee
 from wsim.physics.selfcontact.near import Near
-from wsim.physics.selfcontact.settle import Settle
+from wsim.physics.selfcontact.settle import settle_of
 from wsim.physics.selfcontact.start import reports
 from wsim.physics.selfcontact.surfaces import Surfaces
 from wsim.scene import Problem, SceneError
+from wsim.scene.check.scene import TWICE
 from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
@@ -43,12 +44,9 @@ RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of t
 
 
 def build(b: Build) -> SelfContact:
-    """Raises SceneError for an integrator that ends a substep elsewhere than where it solves."""
+    """Raises SceneError for an integrator that solves more than once a step."""
     if b.clock.integrator.solves > 1:
-        name = b.clock.integrator.title or b.clock.integrator.name
-        raise SceneError(Problem("/", f"{name} ends a substep elsewhere than where it solves, and surfaces with "
-                                 "wsim:selfCollision are proven where that is; take wsim:integrator = backward_euler, bdf2 or "
-                                 "leapfrog"))
+        raise SceneError(Problem("/", TWICE.format(name=b.clock.integrator.name)))
     return SelfContact(b)
 
 
@@ -75,8 +73,6 @@ class SelfContact(Method):
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
         self.often, self.fresh, self.busy, self.stopped = False, True, True, False
         self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
-        if b.clock.integrator.beyond:
-            self.points.motion.meet()
         self.sweeps = SWEEPS if within else BEHIND
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         if self.obstacles:
@@ -85,12 +81,11 @@ class SelfContact(Method):
             what += f"; {len(self.strands.edges)} edges are strands'"
         self.stages = [
             Stage("near pairs", "collide", self.find, 1, 0, what=what),
-            *[Stage("prolong", "solve", self.prolong, 1, 0, what="end of the substep")][:b.clock.integrator.beyond],
             Stage("self-contact", "solve", self.touch, 3 * self.sweeps, 0, "iteration" if within else "substep", "near pairs"),
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
         for stage in self.stages:
             stage.frames = MET
-        self.settle = Settle(self)
+        self.settle = settle_of(self)
         self.apart = Apart(self, b)
         self.stages.append(self.apart.stage)
         self.offers = {"clearance": self.apart, "self-contact": self}
@@ -134,17 +129,9 @@ class SelfContact(Method):
         if self.strands:
             self.strands.lend()
         self.borrow()
-        at = self.at()
-        if clock.integrator.beyond:
-            s = self.state
-            at.d = self.points.motion.ahead
-            self.settle.combine(2.0, s.d, -1.0, s.e, at.d)
+        at = self.settle.expected(clock)
         wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(at, begins=1))
         wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(at))
-
-    def prolong(self, clock: Clock) -> None:
-        if clock.integrator.beyond:
-            self.points.motion.prolong(clock)
 
     def touch(self, clock: Clock) -> None:
         import warp as wp

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from wsim.model.stage import Clock, Methods
     from wsim.physics.selfcontact.method import SelfContact
 
-import os
-SETTLES = int(os.environ.get("SETTLES", "1"))
 SWEEPS = 12            # fewer leave more of a bounce; momentum is kept by any number
 
 
@@ -27,37 +25,36 @@ class Settle:
         self.method, self.model, self.state = method, method.model, method.state
         self.clock = method.clock
         m = self.clock.integrator
-        self.beyond = m.beyond
-        self.memory, self.halved = m.memory > 0.0 or m.beyond, m.lags
-        self.capacity = 0
-        if self.memory or self.halved:
-            real, module = self.model.real, self.model.module
-            self.kernels = {f.__name__: f(real, module, self.beyond) for f in (settle.spread, settle.strike)}
-            self.kernels["combine"] = settle.combine(real, module)
-            if self.memory:
-                self.kernels["lacking"] = settle.lacking(real, module, self.beyond)
-            if self.beyond:
-                from wsim.kernels.selfcontact import prolonged
-                self.kernels |= {"gather": prolonged.gather(real, module), "aim": prolonged.aim(real, module)}
-            else:
-                self.kernels |= {"gather": settle.gather(real, module), "aim": settle.aim(real, module)}
-            if self.halved:
-                self.kernels["give"] = settle.give(real, module)
-            vec3 = types(real).vec3
-            self.v, self.given, self.lasting = (wp.zeros(method.surfaces.total, dtype=vec3, device=self.model.device)
-                                                for _ in range(3))
+        self.memory, self.halved = m.memory > 0.0, m.lags
+        self.capacity, self.extends = 0, self.memory           # sweeps go on while a pair lacks much
+        self.kernels = self.make(self.model.real, self.model.module)
+        if self.kernels:
             self.room()
+
+    def make(self, real, module: str) -> dict:
+        """Kernels by name, and arrays of points; none where nothing is to be done."""
+        if not (self.memory or self.halved):
+            return {}
+        found = {f.__name__: f(real, module) for f in (settle.gather, settle.spread, settle.strike, settle.combine)}
+        if self.memory:
+            found |= {"aim": settle.aim(real, module), "lacking": settle.lacking(real, module)}
+        if self.halved:
+            found["give"] = settle.give(real, module)
+        n, vec3 = self.method.surfaces.total, types(real).vec3
+        self.v, self.given, self.lasting = (wp.zeros(n, dtype=vec3, device=self.model.device) for _ in range(3))
+        return found
+
+    def rows(self) -> dict:
+        """Fields of the pairs, and their types."""
+        t, scalars = types(self.model.real), ("aim", "least", "most", "q", "swept", "keep")
+        return {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(scalars, t.scalar)}
 
     def room(self) -> None:
         """Arrays for so many pairs as the list has room for; not captured."""
-        if not (self.memory or self.halved) or self.capacity == self.method.near.pairs.capacity:
+        if not self.kernels or self.capacity == self.method.near.pairs.capacity:
             return
-        t, device = types(self.model.real), self.model.device
+        device, dtypes = self.model.device, self.rows()
         n = self.capacity = self.method.near.pairs.capacity
-        scalars = ("aim", "least", "most", "q", "swept", "keep")
-        dtypes = {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(scalars, t.scalar)}
-        if self.beyond:
-            dtypes |= {"u": wp.types.matrix((4, 3), self.model.real), "turn": t.vec3}
         self.aims = filled(settle.aims(self.model.real), count=wp.zeros(1, dtype=int, device=device),
                            **{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
         self.threads = n if device.is_cuda else 1
@@ -82,9 +79,9 @@ class Settle:
         self.model.launch(method.guarantee.add, len(point), [point, v, 1, method.near.sums], [v])
 
     def sweep(self, v: wp.array) -> None:
-        """Sweeps; by BDF2 more of them while a pair lacks much."""
+        """Sweeps; by BDF2 and the midpoint more of them while a pair lacks much."""
         self.sweeps(v, SWEEPS, False)
-        if self.memory:
+        if self.extends:
             self.look(v, 1)
             wp.capture_while(self.method.near.word(pairs.NEARER), lambda: self.more(v))
 
@@ -106,6 +103,10 @@ class Settle:
             self.pairs("strike", [w, v, self.aims, k if leads else -1, near.words], [near.sums])
             self.add(v)
 
+    def expected(self, clock: Clock):
+        """State of the points where a substep begins, with the way that they are expected to go."""
+        return self.method.at()
+
     def asked(self, clock: Clock) -> bool:
         """True for a substep behind which velocities are settled, and the one before it."""
         return self.memory or self.halved and clock.k >= clock.substeps - 2
@@ -116,11 +117,6 @@ class Settle:
             return
         near = self.method.near
         self.aims.count.zero_()
-        if self.beyond:
-            ahead = self.method.points.motion.ahead
-            self.aims.count.zero_()
-            wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [self.method.surfaces.data, self.method.at(), near.pairs, ahead, self.state.v, clock.h], [self.aims]))
-            return
         back = -clock.g if self.memory else 2.0 * clock.h
         wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [near.pairs, back], [self.aims]))
         if self.halved:
@@ -137,13 +133,6 @@ class Settle:
         if self.halved:
             out = self.given if clock.k == clock.substeps - 1 else self.lasting
             self.combine(1.0, self.given, 1.0 / clock.h, s.d, out)
-        elif self.beyond:
-            if clock.integrator.beyond:
-                ahead = self.method.points.motion.ahead
-                self.combine(1.0, s.v, 1.0 / clock.h, s.d, s.v)
-                self.combine(1.0, s.v, -1.0 / clock.h, ahead, s.v)
-                if SETTLES:
-                    wp.capture_if(self.aims.count, lambda: self.land(clock))
         else:
             wp.capture_if(self.aims.count, lambda: self.forget(clock))
 
@@ -158,11 +147,6 @@ class Settle:
         self.combine(1.0, s.v, 0.0, s.v, v)
         self.sweep(v)
         self.combine(1.0, v, 0.0, v, s.v)
-
-    def land(self, clock: Clock) -> None:
-        self.pairs("aim", [self.method.surfaces.data, self.method.at(), clock.h], [self.aims, self.method.near.sums])
-        self.add(self.state.v)
-        self.sweep(self.state.v)
 
     def half(self, change: wp.array) -> None:
         """Behind leapfrog's last half kick; change: what others changed velocities by in the last substep."""
@@ -188,3 +172,11 @@ class Settle:
         self.combine(1.0, s.b, 1.0, self.v, s.v)
         if self.method.strands:
             self.method.strands.read(self.v)
+
+
+def settle_of(method: SelfContact) -> Settle:
+    """The one that an integrator needs."""
+    if method.clock.integrator.beyond:
+        from wsim.physics.selfcontact.prolonged import Prolonged
+        return Prolonged(method)
+    return Settle(method)

@@ -19,10 +19,11 @@ from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
 from wsim.scene.check.objects import array, error, number, rigid, values, warning
 from wsim.scene.integrator import SOLVERS, TABLE
-from wsim.scene.methods import carried, collides, every, moving
+from wsim.scene.methods import carried, collides, every, moving, touches
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
+TWICE = "integrator {name} solves twice a step, and surfaces with wsim:selfCollision are proven where one solution ends"
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
 
 
@@ -102,7 +103,11 @@ def _method(scene: Scene) -> Iterator[Problem]:
     if scene.softs and scene.solver == "xpbd":
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
-    if (scene.colliders or carried(scene)) and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
+    named = TABLE.get(scene.integrator)
+    if touches(scene) and named and named.solves > 1:
+        yield error("/", TWICE.format(name=named.name), "backward_euler, bdf2, implicit_midpoint or an explicit one",
+                    "choose one of them")
+    elif (scene.colliders or carried(scene)) and named and named.rebounds:
         said, others = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
         if scene.bodies() and carried(scene):            # bodies that touch points: `wsim.simulation.choice` takes BDF2
             yield warning("/", f"{said} rigid bodies that points touch: bdf2 takes its place", others, "name one of them")
