@@ -3,17 +3,20 @@ no place.
 
 Contacts push at the end of a substep h, where d~ and v~ are without them, and v~ + (d - d~) / h is right of a blow: what is left
 of the way is left of the velocity. Of a force that lasts the same push takes back the way h^2 f / 2, and with it half of the
-velocity h f. Relative velocities along n of pairs that push tell one from the other: they are made those of relative motions,
-by impulses that have the friction of the push P [m kg], n . P / h + Q >= 0 (as BDF2's, kernels/selfcontact/settle.py):
+velocity h f. Relative velocities of pairs that push tell one from the other: they are made those of relative motions (as
+BDF2's, kernels/selfcontact/settle.py), of pairs that stick whole, of others along the normal n, by impulses Q that have their
+friction, where P [m kg] is what they push with:
 
-    n . sum_k b_k v_k = n . sum_k b_k (d_k - e_k) / h        v_k <- v_k + w_k Q u_k
-    u_k = b_k p - (J^-1 (D x p)) x r_k,   p = P / n . P,   r, D, J where the substep ends (kernels/selfcontact/couple.py)
+    r = sum_k b_k (v_k - (d_k - e_k) / h),  0 where Q is any,  n . r = 0 where Q is along p = P / n . P,      n . (P / h + Q) >= 0
 
-They have no moment. P has one: it is none about the place where the substep begins, and counts about
+In the middle of a step stands still what goes to and fro with every step, at rest too: no drag acts on it, friction does here.
+Q = 0 at first; where a pair pushed alike in the substep before, P / h, which is the solution at rest.
 
-    y = x + d~ - h v~,      as  (x + d) x (v~ + w P / h) - (x + d~) x v~ = y x w P / h     for what it gives to one point, d = d~ + w P
+Q has no moment where the substep ends (kernels/selfcontact/couple.py). P has none where it begins, and counts about
 
-which is x by what the forces of the substep change in h / 2. So a couple gives back sum_k y_k x P_k.
+    y = x + d~ - h v~,      as  (x + d) x (v~ + w P / h) - (x + d~) x v~ = y x w P / h  of one point,  d = d~ + w P
+
+which is x but for what forces have changed in h / 2. So a couple gives back sum_k y_k x P_k.
 """
 
 from functools import cache
@@ -21,38 +24,78 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.motion.explicit import ALIKE
 from wsim.kernels.motion.points import states
-from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact import pairs, rows
 from wsim.kernels.selfcontact.couple import couple
 from wsim.kernels.selfcontact.settle import aims
+
+SLIDES = 0.999         # of the friction that lets a pair slide, from which on it does
+
+
+@cache
+def arms_of(real):
+    """Functions: whether all points of a pair are free, since what cannot move takes moments; (r, D, J^-1) of a pair where the
+    substep ends."""
+    t = types(real)
+    Surfaces, State = pairs.surfaces(real), states(real)
+    points = wp.types.matrix((4, 3), real)
+    place, _ = pairs.reading(real)
+    _, lever, _ = couple(real)
+
+    @wp.func
+    def free(s: Surfaces, ids: wp.vec4i):
+        return s.w[ids[0]] * s.w[ids[1]] * s.w[ids[2]] * s.w[ids[3]] > real(0.0)
+
+    @wp.func
+    def ends(s: Surfaces, at: State, ids: wp.vec4i, b: t.vec4):
+        r, D, middle = points(), t.vec3(), t.vec3()
+        for k in range(4):
+            r[k] = place(s, at.x, at.d, ids[k], ids[0])
+            D += b[k] * r[k]
+            middle += real(0.25) * r[k]
+        for k in range(4):
+            r[k] = r[k] - middle
+        K = t.mat33()
+        if free(s, ids):
+            K = lever(r)
+        return r, D, K
+
+    return free, ends
 
 
 @cache
 def gather(real, module):
-    """Kernel: the pairs that push, and the moments of their pushes. ahead: d~ [m]; v: v~ [m/s]."""
+    """Kernel: the pairs that push, with the moments of their pushes in `turn`, and `along`: p, or 0 of those that stick. ahead:
+    d~ [m]; v: v~ [m/s]."""
     t = types(real)
     Surfaces, State, Pairs, Aims = pairs.surfaces(real), states(real), pairs.lists(real), aims(real)
-    arms, lever, _ = couple(real)
+    (arms, lever, _), (free, _) = couple(real), arms_of(real)
+
+    @wp.func
+    def rub(s: Surfaces, ids: wp.vec4i, b: t.vec4):
+        mu = t.vec2()
+        for k in range(4):
+            mu += real(0.5) * wp.abs(b[k]) * s.friction[ids[k]]
+        return mu
 
     @wp.func
     def moment(s: Surfaces, at: State, ahead: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), ids: wp.vec4i, b: t.vec4,
                push: t.vec3, h: real):
-        """sum_k y_k x P_k: of y - x alone, as P has none about x."""
-        rubs, mu = real(1.0), real(0.0)
-        for k in range(4):
-            rubs *= s.w[ids[k]]
-            mu += wp.abs(b[k]) * s.friction[ids[k]][0]
-        r, D = arms(s, at, ids, b)
-        back = real(0.0) * push
-        if mu * rubs > real(0.0):
-            back = lever(r) * wp.cross(D, push)
+        """sum_k y_k x P_k: of y - x, and of x where friction has no couple."""
         M = t.vec3()
-        for k in range(4):
-            y = (ahead[ids[k]] - at.e[ids[k]]) - h * v[ids[k]]
-            M += wp.cross(y, b[k] * push - wp.cross(back, r[k]))
-        if mu * rubs == real(0.0):
-            M += wp.cross(D, push)
-        return wp.where(rubs > real(0.0), M, real(0.0) * M)
+        if free(s, ids):
+            r, D = arms(s, at, ids, b)
+            moment = wp.cross(D, push)
+            back = t.vec3()
+            if rub(s, ids, b)[0] > real(0.0):
+                back = lever(r) * moment
+            else:
+                M = moment
+            for k in range(4):
+                y = (ahead[ids[k]] - at.e[ids[k]]) - h * v[ids[k]]
+                M += wp.cross(y, b[k] * push - wp.cross(back, r[k]))
+        return M
 
     @wp.kernel(module=module, enable_backward=False)
     def gather_pushes(s: Surfaces, at: State, near: Pairs, ahead: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), h: real,
@@ -62,46 +105,51 @@ def gather(real, module):
             to.count[0] = near.rows[0]
         while j < near.rows[0]:
             i = near.row[j]
+            ids = near.ids[i]
             push = near.push[i]
-            size = wp.dot(push, near.n[i])
-            to.ids[j] = near.ids[i]
+            lam = wp.dot(push, near.n[i])
+            to.ids[j] = ids
             to.b[j] = near.b[i]
             to.keep[j] = near.keep[i]
             to.n[j] = near.n[i]
-            to.turn[j] = t.vec3()
+            to.q[j] = real(0.0)
             to.least[j] = real(0.0)
             to.most[j] = real(0.0)
-            to.q[j] = real(0.0)
-            if size > real(0.0):
-                to.along[j] = push / size
-                to.turn[j] = moment(s, at, ahead, v, near.ids[i], near.b[i], push, h)
-                to.least[j] = -size / h
+            if lam > real(0.0):
+                to.turn[j] = moment(s, at, ahead, v, ids, near.b[i], push, h)
+                to.least[j] = -lam / h
                 to.most[j] = real(1.0e30)
+                to.along[j] = t.vec3()
+                if wp.length(push - lam * near.n[i]) >= real(SLIDES) * rub(s, ids, near.b[i])[1] * lam:
+                    to.along[j] = push / lam
+                to.whole[j] = t.vec3()
+                if wp.length(push - near.past[i]) < real(ALIKE) * lam:
+                    to.whole[j] = push / h
             j += threads
 
     return gather_pushes
 
 
 @cache
-def aim(real, module):
-    """Kernel: u of the pairs, the relative velocities that are wanted, and the couples that give back moments, to the sums of points
-    [m/s] and to their shares, so that they are taken."""
+def impulse(real):
+    """Function: what an impulse Q of a pair gives to its k-th point, times its mass."""
     t = types(real)
-    Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
-    points, fixed = wp.types.matrix((4, 3), real), pairs.fixed(real)
-    _, lever, _ = couple(real)
-    place, _ = pairs.reading(real)
+    points = wp.types.matrix((4, 3), real)
 
     @wp.func
-    def ends(s: Surfaces, at: State, ids: wp.vec4i):
-        """Points of a pair from their middle, where the substep ends."""
-        r, middle = points(), t.vec3()
-        for k in range(4):
-            r[k] = place(s, at.x, at.d, ids[k], ids[0])
-            middle += real(0.25) * r[k]
-        for k in range(4):
-            r[k] = r[k] - middle
-        return r
+    def share(Q: t.vec3, back: t.vec3, r: points, b: t.vec4, k: int):
+        return b[k] * Q - wp.cross(back, r[k])
+
+    return share
+
+
+@cache
+def aim(real, module):
+    """Kernel: relative velocities along n that are wanted, first impulses, and the couples that give back moments, to the sums
+    of points [m/s] and to their shares, so that they are taken."""
+    t = types(real)
+    Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
+    fixed, share, (_, ends) = pairs.fixed(real), impulse(real), arms_of(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def aim_pushes(s: Surfaces, at: State, h: real, threads: int, aim: Aims, to: Sums):
@@ -109,25 +157,80 @@ def aim(real, module):
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
                 ids = aim.ids[j]
-                p = aim.along[j]
-                r = ends(s, at, ids)
-                free, D = real(1.0), t.vec3()
+                b = aim.b[j]
+                Q = aim.whole[j]
+                r, D, K = ends(s, at, ids, b)
+                back = K * (wp.cross(D, Q) + aim.turn[j] / h)
+                motion = real(0.0)
                 for k in range(4):
-                    free *= s.w[ids[k]]
-                    D += aim.b[j][k] * r[k]
-                K = t.mat33()
-                if free > real(0.0):                      # what cannot move takes moments
-                    K = lever(r)
-                back = K * wp.cross(D, p)
-                give = K * aim.turn[j] / h
-                u, motion = points(), real(0.0)
-                for k in range(4):
-                    u[k] = aim.b[j][k] * p - wp.cross(back, r[k])
-                    motion += aim.b[j][k] * wp.dot(aim.n[j], at.d[ids[k]] - at.e[ids[k]])
+                    motion += b[k] * wp.dot(aim.n[j], at.d[ids[k]] - at.e[ids[k]])
                     wp.atomic_add(to.share, ids[k], 1)
-                    fixed(to, ids[k], -s.w[ids[k]] * wp.cross(give, r[k]))
-                aim.u[j] = u
+                    fixed(to, ids[k], s.w[ids[k]] * share(Q, back, r, b, k))
                 aim.aim[j] = motion / h
+                aim.q[j] = wp.dot(aim.n[j], Q)
             j += threads
 
     return aim_pushes
+
+
+@cache
+def strike(real, module):
+    """Kernel: one sweep; v: velocities [m/s]; more: as `press` of kernels/selfcontact/rows.py."""
+    t = types(real)
+    Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
+    fixed, share, (_, ends), (_, _, turn) = pairs.fixed(real), impulse(real), arms_of(real), couple(real)
+    lead_of, points = rows.leads(real), wp.types.matrix((4, 3), real)
+
+    @wp.func
+    def bounded(aim: Aims, j: int, Q: t.vec3, n: t.vec3, p: t.vec3):
+        return Q + wp.max(aim.least[j] - wp.dot(Q, n), real(0.0)) * p
+
+    @wp.func
+    def after(aim: Aims, j: int, r: t.vec3, lead: real):
+        """The impulse behind a sweep, by the velocity r that is lacking times the mass."""
+        n = aim.n[j]
+        p = aim.along[j]
+        over = real(pairs.OVER)
+        if lead > real(0.0):
+            over = real(1.0)
+        lack = wp.dot(r, n)
+        change = (over * lack) * p
+        if wp.length_sq(p) == real(0.0):                  # sticks
+            p = n
+            change = r + ((over - real(1.0)) * lack) * n
+        then = bounded(aim, j, aim.whole[j] - change, n, p)
+        Q = then
+        if lead > real(0.0):
+            Q = bounded(aim, j, then + lead * (then - aim.ahead[j]), n, p)
+        aim.ahead[j] = then
+        return Q
+
+    @wp.kernel(module=module, enable_backward=False)
+    def strike_pushes(s: Surfaces, at: State, v: wp.array(dtype=t.vec3), h: real, aim: Aims, more: int,
+                      words: wp.array(dtype=int), threads: int, to: Sums):
+        lead = lead_of(more, words)
+        j = wp.tid()
+        while j < aim.count[0]:
+            if aim.most[j] > real(0.0):
+                ids = aim.ids[j]
+                b = aim.b[j]
+                W = real(0.0)
+                lack, u = t.vec3(), points()
+                for k in range(4):
+                    q = ids[k]
+                    W += wp.abs(b[k]) * s.w[q] * real(to.share[q]) / real(pairs.SHARES)
+                    u[k] = v[q] - (at.d[q] - at.e[q]) / h
+                    lack += b[k] * u[k]
+                if W > real(0.0):
+                    r, D, K = ends(s, at, ids, b)
+                    lack -= wp.cross(turn(K, r, u), D)
+                    before = aim.whole[j]
+                    Q = after(aim, j, lack / W, lead)
+                    aim.whole[j] = Q
+                    aim.q[j] = wp.dot(aim.n[j], Q)
+                    back = K * wp.cross(D, Q - before)
+                    for k in range(4):
+                        fixed(to, ids[k], s.w[ids[k]] * share(Q - before, back, r, b, k))
+            j += threads
+
+    return strike_pushes

@@ -46,28 +46,12 @@ def aims(real):
         q: wp.array(dtype=t.scalar)               # impulse along n [kg m/s]
         swept: wp.array(dtype=t.scalar)           # that the sweep before made [kg m/s]
         keep: wp.array(dtype=t.scalar)            # distance that the pair keeps [m]
-        along: wp.array(dtype=t.vec3)             # P / n . P, as impulses go; empty: along n
-        u: wp.array(dtype=wp.types.matrix((4, 3), real))    # what an impulse of 1 along n gives to each point; empty: b n
-        turn: wp.array(dtype=t.vec3)              # moment that pushes have, to be given back [m^2 kg]; empty: none
+        along: wp.array(dtype=t.vec3)             # what kernels/selfcontact/prolonged.py needs besides; else empty
+        turn: wp.array(dtype=t.vec3)
+        whole: wp.array(dtype=t.vec3)
+        ahead: wp.array(dtype=t.vec3)
 
     return Aims
-
-
-@cache
-def way(real, coupled: bool):
-    """Function: what an impulse of 1 along n gives to the k-th point of a pair."""
-    t, Aims = types(real), aims(real)
-
-    @wp.func
-    def straight(aim: Aims, j: int, k: int):
-        return aim.b[j][k] * aim.n[j]
-
-    @wp.func
-    def along(aim: Aims, j: int, k: int):
-        u = aim.u[j]
-        return t.vec3(u[k, 0], u[k, 1], u[k, 2])
-
-    return along if coupled else straight
 
 
 @cache
@@ -110,9 +94,10 @@ def gather(real, module):
 
 
 @cache
-def spread(real, module, coupled: bool = False):
-    """Kernel: adds the weights of pairs to the shares of points, as each sweep needs them."""
-    Aims, Sums, least = aims(real), pairs.sums(real), int(coupled)                # couples move all four
+def spread(real, module, least: int = 0):
+    """Kernel: adds the weights of pairs to the shares of points, as each sweep needs them. least: what any point of a pair has
+    of them; 1 where couples move all four."""
+    Aims, Sums = aims(real), pairs.sums(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def spread_aims(aim: Aims, threads: int, to: Sums):
@@ -180,11 +165,11 @@ def aim(real, module):
 
 
 @cache
-def strike(real, module, coupled: bool = False):
+def strike(real, module):
     """Kernel: one sweep; v: velocities that pairs look at [m/s]; more: as `press` of kernels/selfcontact/rows.py."""
     t = types(real)
     Aims, Sums = aims(real), pairs.sums(real)
-    fixed, lead_of, each = pairs.fixed(real), rows.leads(real), way(real, coupled)
+    fixed, lead_of = pairs.fixed(real), rows.leads(real)
 
     @wp.func
     def after(aim: Aims, j: int, r: real, lead: real):
@@ -219,7 +204,7 @@ def strike(real, module, coupled: bool = False):
                     now = after(aim, j, r / W, lead)
                     aim.q[j] = now
                     for k in range(4):
-                        fixed(to, ids[k], (w[ids[k]] * (now - before)) * each(aim, j, k))
+                        fixed(to, ids[k], (w[ids[k]] * b[k] * (now - before)) * n)
             j += threads
 
     return strike_pairs

@@ -28,12 +28,11 @@ class Prolonged(Settle):
         method.stages.insert(before, Stage("prolong", "solve", self.prolong, 1, 0, what="ends of substeps", frames=MET))
 
     def make(self, real, module: str) -> dict:
-        found = {f.__name__: f(real, module, coupled=True) for f in (settle.spread, settle.strike)}
-        return found | {f.__name__: f(real, module) for f in (kernels.gather, kernels.aim, settle.lacking, settle.combine)}
+        made = (kernels.gather, kernels.aim, kernels.strike, settle.lacking, settle.combine)
+        return {f.__name__: f(real, module) for f in made} | {"spread": settle.spread(real, module, 1)}
 
     def rows(self) -> dict:
-        vec3 = types(self.model.real).vec3
-        return super().rows() | {"along": vec3, "turn": vec3, "u": wp.types.matrix((4, 3), self.model.real)}
+        return super().rows() | dict.fromkeys(("along", "turn", "whole", "ahead"), types(self.model.real).vec3)
 
     def asked(self, clock: Clock) -> bool:
         return clock.integrator.beyond
@@ -73,3 +72,8 @@ class Prolonged(Settle):
         self.pairs("aim", [method.surfaces.data, method.at(), clock.h], [self.aims, method.near.sums])
         self.add(v)
         self.sweep(v)
+
+    def strike(self, v: wp.array, more: int) -> None:
+        method, near = self.method, self.method.near
+        given = [method.surfaces.data, method.at(), v, self.clock.h, self.aims, more, near.words]
+        self.pairs("strike", given, [near.sums])

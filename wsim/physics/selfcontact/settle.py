@@ -97,11 +97,15 @@ class Settle:
         self.method.go_on()
 
     def sweeps(self, v: wp.array, count: int, leads: bool) -> None:
-        w, near = self.method.surfaces.data.w, self.method.near
         for k in range(count):
-            self.pairs("spread", [self.aims], [near.sums])
-            self.pairs("strike", [w, v, self.aims, k if leads else -1, near.words], [near.sums])
+            self.pairs("spread", [self.aims], [self.method.near.sums])
+            self.strike(v, k if leads else -1)
             self.add(v)
+
+    def strike(self, v: wp.array, more: int) -> None:
+        """One sweep; more: its number among those that lead ahead, or -1."""
+        near = self.method.near
+        self.pairs("strike", [self.method.surfaces.data.w, v, self.aims, more, near.words], [near.sums])
 
     def expected(self, clock: Clock):
         """State of the points where a substep begins, with the way that they are expected to go."""
