@@ -27,7 +27,8 @@ def test_two_sheets_that_collide_keep_their_momentum_and_repeat_to_the_bit(solve
     assert np.array_equal(found, met(solver, "cuda:0")[1])
 
 
-def test_they_go_as_on_a_cpu():
+@pytest.mark.parametrize("solver", solvers("leapfrog", "newton midpoint"))
+def test_they_go_as_on_a_cpu(solver):
     """Behind the blow, within a hundredth of the way of a frame."""
-    found = [met(SOLVERS["leapfrog"], device, 1)[1] for device in ("cpu", "cuda:0")]
+    found = [met(solver, device, 1)[1] for device in ("cpu", "cuda:0")]
     assert np.abs(found[0] - found[1]).max() < 0.01 * 3.0 / 60.0
