@@ -148,8 +148,9 @@ def prolong(real, module, part: float = 0.5):
     t, once, more = types(real), real(1.0 / part), real((1.0 - part) / part)
 
     @wp.kernel(module=module, enable_backward=False)
-    def prolong(w: wp.array(dtype=real), e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), g: real,
-                d_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3), ahead_out: wp.array(dtype=t.vec3)):
+    def prolong(w: wp.array(dtype=real), e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3),
+                g: real, d_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
+                ahead_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         solved = d[i] - e[i]
         step = d[i] + more * solved
@@ -169,7 +170,8 @@ def land(real, module):
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def land(d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3), x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3)):
+    def land(d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+             x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         x0 = x[i]
         step = d[i]

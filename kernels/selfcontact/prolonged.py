@@ -1,16 +1,16 @@
-"""Velocities behind contacts of pairs where a step goes on from its middle to its end (implicit midpoint), by impulses that change
-no place.
+"""Velocities behind contacts of pairs where a step goes on from its middle to its end (implicit midpoint), by impulses that
+change no place.
 
-Contacts push at the end of a substep h, where d~ and v~ are without them, and v~ + (d - d~) / h is right of a blow: what is left
-of the way is left of the velocity. Of a force that lasts the same push takes back the way h^2 f / 2, and with it half of the
-velocity h f. Relative velocities of pairs that push tell one from the other: they are made those of relative motions (as
-BDF2's, kernels/selfcontact/settle.py), of pairs that stick whole, of others along the normal n, by impulses Q that have their
-friction, where P [m kg] is what they push with:
+Contacts push at the end of a substep h, where d~ and v~ are without them, and v~ + (d - d~) / h is right of a blow: what is
+left of the way is left of the velocity. Of a force that lasts the same push takes back the way h^2 f / 2, and with it half of
+the velocity h f. Relative velocities of pairs that push tell one from the other: they are made those of relative motions (as
+BDF2's, kernels/selfcontact/settle.py), by impulses Q [kg m/s]. P [m kg] is what a pair pushes with, n its normal:
 
-    r = sum_k b_k (v_k - (d_k - e_k) / h),  0 where Q is any,  n . r = 0 where Q is along p = P / n . P,      n . (P / h + Q) >= 0
+    u = sum_k b_k (v_k - (d_k - e_k) / h)       sticks: u = 0, by any Q       slides: n . u = 0, by Q along p = P / n . P
+                                                n . (P / h + Q) >= 0
 
-In the middle of a step stands still what goes to and fro with every step, at rest too: no drag acts on it, friction does here.
-Q = 0 at first; where a pair pushed alike in the substep before, P / h, which is the solution at rest.
+Q = 0 at first; where a pair pushed alike in the substep before, P / h, which is the solution at rest. What goes to and fro with
+every step stands still in its middle, where drag would act on it: friction of what sticks ends it here.
 
 Q has no moment where the substep ends (kernels/selfcontact/couple.py). P has none where it begins, and counts about
 
@@ -147,7 +147,6 @@ def impulse(real):
 def aim(real, module):
     """Kernel: relative velocities along n that are wanted, first impulses, and the couples that give back moments, to the sums
     of points [m/s] and to their shares, so that they are taken."""
-    t = types(real)
     Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
     fixed, share, (_, ends) = pairs.fixed(real), impulse(real), arms_of(real)
 
@@ -175,7 +174,7 @@ def aim(real, module):
 
 @cache
 def strike(real, module):
-    """Kernel: one sweep; v: velocities [m/s]; more: as `press` of kernels/selfcontact/rows.py."""
+    """Kernel: one sweep over velocities at.v [m/s]; more: as `press` of kernels/selfcontact/rows.py."""
     t = types(real)
     Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
     fixed, share, (_, ends), (_, _, turn) = pairs.fixed(real), impulse(real), arms_of(real), couple(real)
@@ -206,8 +205,8 @@ def strike(real, module):
         return Q
 
     @wp.kernel(module=module, enable_backward=False)
-    def strike_pushes(s: Surfaces, at: State, v: wp.array(dtype=t.vec3), h: real, aim: Aims, more: int,
-                      words: wp.array(dtype=int), threads: int, to: Sums):
+    def strike_pushes(s: Surfaces, at: State, h: real, aim: Aims, more: int, words: wp.array(dtype=int), threads: int,
+                      to: Sums):
         lead = lead_of(more, words)
         j = wp.tid()
         while j < aim.count[0]:
@@ -219,7 +218,7 @@ def strike(real, module):
                 for k in range(4):
                     q = ids[k]
                     W += wp.abs(b[k]) * s.w[q] * real(to.share[q]) / real(pairs.SHARES)
-                    u[k] = v[q] - (at.d[q] - at.e[q]) / h
+                    u[k] = at.v[q] - (at.d[q] - at.e[q]) / h
                     lack += b[k] * u[k]
                 if W > real(0.0):
                     r, D, K = ends(s, at, ids, b)

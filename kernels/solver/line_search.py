@@ -27,7 +27,7 @@ from wsim.kernels.solver.pcg import total
 
 FULL = 0.05            # of f.y / 2: Newton's step brings all of it on a quadratic, none where it has jumped over the minimum
 HALVINGS = 8           # steps 1/2 ... 1/256
-ROUNDED = 4.0          # units of rounding of a place, by which a point may go on by its own force: what flies freely has 2 at most
+ROUNDED = 4.0          # units of rounding of its place by which a point may go on by its force; what flies freely has 2 at most
 D = types(wp.float64)
 
 

@@ -6,7 +6,7 @@ impulses, BEHIND of them (as pairs of carriers do), and more while a pair would 
 light between what is heavy takes hundreds. By leapfrog only where there are neither colliders nor strands: what is read behind
 half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
 behind each solver: it changes displacements before velocities are made of them. The implicit midpoint goes on to the end of its
-steps before (wsim/physics/selfcontact/prolonged.py), by XPBD too; sdirk3, which solves twice a step, is refused.
+steps before (wsim/physics/selfcontact/prolonged.py), by XPBD too; sdirk3, which solves twice a step, is refused by the check.
 """
 
 from __future__ import annotations
@@ -23,11 +23,9 @@ from wsim.model.structs import filled
 from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import Guarantee
 from wsim.physics.selfcontact.near import Near
-from wsim.physics.selfcontact.settle import settle_of
+from wsim.physics.selfcontact.settle import Settle
 from wsim.physics.selfcontact.start import reports
 from wsim.physics.selfcontact.surfaces import Surfaces
-from wsim.scene import Problem, SceneError
-from wsim.scene.check.scene import TWICE
 from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
@@ -44,9 +42,6 @@ RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of t
 
 
 def build(b: Build) -> SelfContact:
-    """Raises SceneError for an integrator that solves more than once a step."""
-    if b.clock.integrator.solves > 1:
-        raise SceneError(Problem("/", TWICE.format(name=b.clock.integrator.name)))
     return SelfContact(b)
 
 
@@ -85,10 +80,16 @@ class SelfContact(Method):
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
         for stage in self.stages:
             stage.frames = MET
-        self.settle = settle_of(self)
+        self.settle = self._settle()
         self.apart = Apart(self, b)
         self.stages.append(self.apart.stage)
         self.offers = {"clearance": self.apart, "self-contact": self}
+
+    def _settle(self) -> Settle:
+        if self.clock.integrator.beyond:
+            from wsim.physics.selfcontact.prolonged import Prolonged
+            return Prolonged(self)
+        return Settle(self)
 
     @property
     def said(self):

@@ -74,6 +74,6 @@ class Prolonged(Settle):
         self.sweep(v)
 
     def strike(self, v: wp.array, more: int) -> None:
-        method, near = self.method, self.method.near
-        given = [method.surfaces.data, method.at(), v, self.clock.h, self.aims, more, near.words]
-        self.pairs("strike", given, [near.sums])
+        near, at = self.method.near, self.method.at()
+        at.v = v
+        self.pairs("strike", [self.method.surfaces.data, at, self.clock.h, self.aims, more, near.words], [near.sums])

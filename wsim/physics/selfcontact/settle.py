@@ -176,11 +176,3 @@ class Settle:
         self.combine(1.0, s.b, 1.0, self.v, s.v)
         if self.method.strands:
             self.method.strands.read(self.v)
-
-
-def settle_of(method: SelfContact) -> Settle:
-    """The one that an integrator needs."""
-    if method.clock.integrator.beyond:
-        from wsim.physics.selfcontact.prolonged import Prolonged
-        return Prolonged(method)
-    return Settle(method)

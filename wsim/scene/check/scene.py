@@ -23,7 +23,6 @@ from wsim.scene.methods import carried, collides, every, moving, touches
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
-TWICE = "integrator {name} solves twice a step, and surfaces with wsim:selfCollision are proven where one solution ends"
 STRONG = 50.0       # [m/s^2] five times Earth's gravity; files that take their unit for centimetres hold 981
 
 
@@ -105,8 +104,10 @@ def _method(scene: Scene) -> Iterator[Problem]:
                     "choose one of them")
     named = TABLE.get(scene.integrator)
     if touches(scene) and named and named.solves > 1:
-        yield error("/", TWICE.format(name=named.name), "backward_euler, bdf2, implicit_midpoint or an explicit one",
-                    "choose one of them")
+        path = next(body.path for body in scene.bodies() if getattr(body, "self_collision", False))
+        yield error(path, f"it has wsim:selfCollision, and integrator {named.name} solves twice a step: what touches is proven "
+                    "where a step of one solution ends", "backward_euler, bdf2, implicit_midpoint or an explicit one",
+                    "choose one of them, or leave wsim:selfCollision out")
     elif (scene.colliders or carried(scene)) and named and named.rebounds:
         said, others = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
         if scene.bodies() and carried(scene):            # bodies that touch points: `wsim.simulation.choice` takes BDF2
