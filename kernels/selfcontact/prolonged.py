@@ -7,10 +7,11 @@ the velocity h f. Relative velocities of pairs that push tell one from the other
 BDF2's, kernels/selfcontact/settle.py), by impulses Q [kg m/s]. P [m kg] is what a pair pushes with, n its normal:
 
     u = sum_k b_k (v_k - (d_k - e_k) / h)       sticks: u = 0, by any Q       slides: n . u = 0, by Q along p = P / n . P
-                                                n . (P / h + Q) >= 0
 
-Q = 0 at first; where a pair pushed alike in the substep before, P / h, which is the solution at rest. What goes to and fro with
-every step stands still in its middle, where drag would act on it: friction of what sticks ends it here.
+where n . (P / h + Q) >= 0. Q = 0 at first; where a pair pushed alike in the substep before, P / h, which is the solution at
+rest. What goes to and fro with every step stands still in its middle, where drag would act on it: friction of what sticks ends
+it here. Sweeps as kernels/selfcontact/settle.py has them, as many for all: those that lead ahead gain energy where pairs slide,
+whose rows are not symmetric.
 
 Q has no moment where the substep ends (kernels/selfcontact/couple.py). P has none where it begins, and counts about
 
@@ -26,11 +27,26 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.explicit import ALIKE
 from wsim.kernels.motion.points import states
-from wsim.kernels.selfcontact import pairs, rows
+from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.couple import couple
 from wsim.kernels.selfcontact.settle import aims
 
 SLIDES = 0.999         # of the friction that lets a pair slide, from which on it does
+
+
+@cache
+def slips(real):
+    """Struct of what pairs that push need besides (kernels/selfcontact/settle.py, `aims`), (capacity,)."""
+    t = types(real)
+
+    @wp.struct
+    class Slips:
+        p: wp.array(dtype=t.vec3)                 # P / n . P
+        turn: wp.array(dtype=t.vec3)              # moment of P [m^2 kg]
+        Q: wp.array(dtype=t.vec3)                 # [kg m/s]
+        sticks: wp.array(dtype=int)
+
+    return Slips
 
 
 @cache
@@ -66,11 +82,10 @@ def arms_of(real):
 
 @cache
 def gather(real, module):
-    """Kernel: the pairs that push, with the moments of their pushes in `turn`, and `along`: p, or 0 of those that stick. ahead:
-    d~ [m]; v: v~ [m/s]."""
+    """Kernel: the pairs that push. ahead: d~ [m]; at.v: v~ [m/s]."""
     t = types(real)
-    Surfaces, State, Pairs, Aims = pairs.surfaces(real), states(real), pairs.lists(real), aims(real)
-    (arms, lever, _), (free, _) = couple(real), arms_of(real)
+    Surfaces, State, Pairs = pairs.surfaces(real), states(real), pairs.lists(real)
+    Aims, Slips, (arms, lever, _), (free, _) = aims(real), slips(real), couple(real), arms_of(real)
 
     @wp.func
     def rub(s: Surfaces, ids: wp.vec4i, b: t.vec4):
@@ -80,8 +95,7 @@ def gather(real, module):
         return mu
 
     @wp.func
-    def moment(s: Surfaces, at: State, ahead: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), ids: wp.vec4i, b: t.vec4,
-               push: t.vec3, h: real):
+    def moment(s: Surfaces, at: State, ahead: wp.array(dtype=t.vec3), ids: wp.vec4i, b: t.vec4, push: t.vec3, h: real):
         """sum_k y_k x P_k: of y - x, and of x where friction has no couple."""
         M = t.vec3()
         if free(s, ids):
@@ -93,45 +107,45 @@ def gather(real, module):
             else:
                 M = moment
             for k in range(4):
-                y = (ahead[ids[k]] - at.e[ids[k]]) - h * v[ids[k]]
+                y = (ahead[ids[k]] - at.e[ids[k]]) - h * at.v[ids[k]]
                 M += wp.cross(y, b[k] * push - wp.cross(back, r[k]))
         return M
 
     @wp.kernel(module=module, enable_backward=False)
-    def gather_pushes(s: Surfaces, at: State, near: Pairs, ahead: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3), h: real,
-                      threads: int, to: Aims):
+    def gather_pushes(s: Surfaces, at: State, near: Pairs, ahead: wp.array(dtype=t.vec3), h: real, threads: int, to: Aims,
+                      slip: Slips):
         j = wp.tid()
         if j == 0:
             to.count[0] = near.rows[0]
         while j < near.rows[0]:
             i = near.row[j]
             ids = near.ids[i]
+            b = near.b[i]
             push = near.push[i]
             lam = wp.dot(push, near.n[i])
             to.ids[j] = ids
-            to.b[j] = near.b[i]
+            to.b[j] = b
             to.keep[j] = near.keep[i]
             to.n[j] = near.n[i]
             to.q[j] = real(0.0)
-            to.least[j] = real(0.0)
+            to.least[j] = -lam / h
             to.most[j] = real(0.0)
             if lam > real(0.0):
-                to.turn[j] = moment(s, at, ahead, v, ids, near.b[i], push, h)
-                to.least[j] = -lam / h
+                mu = rub(s, ids, b)[1]
+                slip.p[j] = push / lam
+                slip.turn[j] = moment(s, at, ahead, ids, b, push, h)
                 to.most[j] = real(1.0e30)
-                to.along[j] = t.vec3()
-                if wp.length(push - lam * near.n[i]) >= real(SLIDES) * rub(s, ids, near.b[i])[1] * lam:
-                    to.along[j] = push / lam
-                to.whole[j] = t.vec3()
+                slip.sticks[j] = wp.where(wp.length(push - lam * near.n[i]) < real(SLIDES) * mu * lam, 1, 0)
+                slip.Q[j] = t.vec3()
                 if wp.length(push - near.past[i]) < real(ALIKE) * lam:
-                    to.whole[j] = push / h
+                    slip.Q[j] = push / h
             j += threads
 
     return gather_pushes
 
 
 @cache
-def impulse(real):
+def share_of(real):
     """Function: what an impulse Q of a pair gives to its k-th point, times its mass."""
     t = types(real)
     points = wp.types.matrix((4, 3), real)
@@ -147,19 +161,19 @@ def impulse(real):
 def aim(real, module):
     """Kernel: relative velocities along n that are wanted, first impulses, and the couples that give back moments, to the sums
     of points [m/s] and to their shares, so that they are taken."""
-    Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
-    fixed, share, (_, ends) = pairs.fixed(real), impulse(real), arms_of(real)
+    Surfaces, State, Aims, Slips, Sums = pairs.surfaces(real), states(real), aims(real), slips(real), pairs.sums(real)
+    fixed, share, (_, ends) = pairs.fixed(real), share_of(real), arms_of(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def aim_pushes(s: Surfaces, at: State, h: real, threads: int, aim: Aims, to: Sums):
+    def aim_pushes(s: Surfaces, at: State, h: real, threads: int, aim: Aims, slip: Slips, to: Sums):
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
                 ids = aim.ids[j]
                 b = aim.b[j]
-                Q = aim.whole[j]
+                Q = slip.Q[j]
                 r, D, K = ends(s, at, ids, b)
-                back = K * (wp.cross(D, Q) + aim.turn[j] / h)
+                back = K * (wp.cross(D, Q) + slip.turn[j] / h)
                 motion = real(0.0)
                 for k in range(4):
                     motion += b[k] * wp.dot(aim.n[j], at.d[ids[k]] - at.e[ids[k]])
@@ -173,41 +187,44 @@ def aim(real, module):
 
 
 @cache
-def strike(real, module):
-    """Kernel: one sweep over velocities at.v [m/s]; more: as `press` of kernels/selfcontact/rows.py."""
-    t = types(real)
-    Surfaces, State, Aims, Sums = pairs.surfaces(real), states(real), aims(real), pairs.sums(real)
-    fixed, share, (_, ends), (_, _, turn) = pairs.fixed(real), impulse(real), arms_of(real), couple(real)
-    lead_of, points = rows.leads(real), wp.types.matrix((4, 3), real)
-
-    @wp.func
-    def bounded(aim: Aims, j: int, Q: t.vec3, n: t.vec3, p: t.vec3):
-        return Q + wp.max(aim.least[j] - wp.dot(Q, n), real(0.0)) * p
-
-    @wp.func
-    def after(aim: Aims, j: int, r: t.vec3, lead: real):
-        """The impulse behind a sweep, by the velocity r that is lacking times the mass."""
-        n = aim.n[j]
-        p = aim.along[j]
-        over = real(pairs.OVER)
-        if lead > real(0.0):
-            over = real(1.0)
-        lack = wp.dot(r, n)
-        change = (over * lack) * p
-        if wp.length_sq(p) == real(0.0):                  # sticks
-            p = n
-            change = r + ((over - real(1.0)) * lack) * n
-        then = bounded(aim, j, aim.whole[j] - change, n, p)
-        Q = then
-        if lead > real(0.0):
-            Q = bounded(aim, j, then + lead * (then - aim.ahead[j]), n, p)
-        aim.ahead[j] = then
-        return Q
+def spread(real, module):
+    """Kernel: adds the weights of pairs to the shares of points, as each sweep needs them."""
+    Aims, Sums = aims(real), pairs.sums(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def strike_pushes(s: Surfaces, at: State, h: real, aim: Aims, more: int, words: wp.array(dtype=int), threads: int,
-                      to: Sums):
-        lead = lead_of(more, words)
+    def spread_pushes(aim: Aims, threads: int, to: Sums):
+        j = wp.tid()
+        while j < aim.count[0]:
+            if aim.most[j] > real(0.0):
+                for k in range(4):
+                    share = int(wp.ceil(wp.abs(aim.b[j][k]) * real(pairs.SHARES)))
+                    wp.atomic_add(to.share, aim.ids[j][k], wp.max(share, 1))          # couples move all four
+            j += threads
+
+    return spread_pushes
+
+
+@cache
+def strike(real, module):
+    """Kernel: one sweep over velocities at.v [m/s]."""
+    t = types(real)
+    Surfaces, State, Aims, Slips, Sums = pairs.surfaces(real), states(real), aims(real), slips(real), pairs.sums(real)
+    fixed, share, (_, ends), (_, _, turn) = pairs.fixed(real), share_of(real), arms_of(real), couple(real)
+    points = wp.types.matrix((4, 3), real)
+
+    @wp.func
+    def after(aim: Aims, slip: Slips, j: int, r: t.vec3):
+        """The impulse behind a sweep, by the velocity r that is lacking times the mass."""
+        n = aim.n[j]
+        lack = wp.dot(r, n)
+        q = wp.max(aim.q[j] - real(pairs.OVER) * lack, aim.least[j])
+        if slip.sticks[j] == 0:
+            return q * slip.p[j]
+        T = slip.Q[j] - (r - lack * n)
+        return T + (q - wp.dot(T, n)) * n
+
+    @wp.kernel(module=module, enable_backward=False)
+    def strike_pushes(s: Surfaces, at: State, h: real, aim: Aims, slip: Slips, threads: int, to: Sums):
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
@@ -223,9 +240,9 @@ def strike(real, module):
                 if W > real(0.0):
                     r, D, K = ends(s, at, ids, b)
                     lack -= wp.cross(turn(K, r, u), D)
-                    before = aim.whole[j]
-                    Q = after(aim, j, lack / W, lead)
-                    aim.whole[j] = Q
+                    before = slip.Q[j]
+                    Q = after(aim, slip, j, lack / W)
+                    slip.Q[j] = Q
                     aim.q[j] = wp.dot(aim.n[j], Q)
                     back = K * wp.cross(D, Q - before)
                     for k in range(4):

@@ -46,10 +46,6 @@ def aims(real):
         q: wp.array(dtype=t.scalar)               # impulse along n [kg m/s]
         swept: wp.array(dtype=t.scalar)           # that the sweep before made [kg m/s]
         keep: wp.array(dtype=t.scalar)            # distance that the pair keeps [m]
-        along: wp.array(dtype=t.vec3)             # what kernels/selfcontact/prolonged.py needs besides; else empty
-        turn: wp.array(dtype=t.vec3)
-        whole: wp.array(dtype=t.vec3)
-        ahead: wp.array(dtype=t.vec3)
 
     return Aims
 
@@ -94,9 +90,8 @@ def gather(real, module):
 
 
 @cache
-def spread(real, module, least: int = 0):
-    """Kernel: adds the weights of pairs to the shares of points, as each sweep needs them. least: what any point of a pair has
-    of them; 1 where couples move all four."""
+def spread(real, module):
+    """Kernel: adds the weights of pairs to the shares of points, as each sweep needs them."""
     Aims, Sums = aims(real), pairs.sums(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -105,7 +100,7 @@ def spread(real, module, least: int = 0):
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
                 for k in range(4):
-                    share = wp.max(int(wp.ceil(wp.abs(aim.b[j][k]) * real(pairs.SHARES))), least)
+                    share = int(wp.ceil(wp.abs(aim.b[j][k]) * real(pairs.SHARES)))
                     if share > 0:
                         wp.atomic_add(to.share, aim.ids[j][k], share)
             j += threads

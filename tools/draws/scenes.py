@@ -23,7 +23,7 @@ SOLVERS = {
     "xpbd bdf2": {"solver": "xpbd", "integrator": "bdf2", "iterations": 4},
     "newton": {"solver": "implicit", "integrator": "backward_euler", "iterations": 2},
     "newton bdf2": {"solver": "implicit", "integrator": "bdf2", "iterations": 2},
-    "newton midpoint": {"solver": "implicit", "integrator": "implicit_midpoint", "iterations": 3},
+    "newton midpoint": {"solver": "implicit", "integrator": "implicit_midpoint", "iterations": 6},
     "leapfrog": {"solver": "explicit", "integrator": "leapfrog"},
     "rk4": {"solver": "explicit", "integrator": "rk4"}}
 KINDS = ("drop", "throw", "scrunch", "drape", "solids", "stack", "soft")

@@ -10,7 +10,8 @@ from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, settle
 from wsim.kernels.selfcontact import prolonged as kernels
 from wsim.model.stage import MET, Clock, Stage
-from wsim.physics.selfcontact.settle import Settle
+from wsim.model.structs import filled
+from wsim.physics.selfcontact.settle import SWEEPS, Settle
 
 if TYPE_CHECKING:
     from wsim.physics.selfcontact.method import SelfContact
@@ -23,16 +24,20 @@ class Prolonged(Settle):
         self.motion = method.points.motion           # `wsim.physics.motion.points.Prolonged`
         self.motion.meet()
         super().__init__(method)
-        self.extends = True
         before = next(k for k, stage in enumerate(method.stages) if stage.phase == "solve")
         method.stages.insert(before, Stage("prolong", "solve", self.prolong, 1, 0, what="ends of substeps", frames=MET))
 
     def make(self, real, module: str) -> dict:
-        made = (kernels.gather, kernels.aim, kernels.strike, settle.lacking, settle.combine)
-        return {f.__name__: f(real, module) for f in made} | {"spread": settle.spread(real, module, 1)}
+        made = (kernels.gather, kernels.aim, kernels.spread, kernels.strike, settle.combine)
+        return {f.__name__: f(real, module) for f in made}
 
-    def rows(self) -> dict:
-        return super().rows() | dict.fromkeys(("along", "turn", "whole", "ahead"), types(self.model.real).vec3)
+    def room(self) -> None:
+        before, t, device = self.capacity, types(self.model.real), self.model.device
+        super().room()
+        if (n := self.capacity) != before:
+            dtypes = dict.fromkeys(("p", "turn", "Q"), t.vec3) | {"sticks": int}
+            self.slips = filled(kernels.slips(self.model.real),
+                                **{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
 
     def asked(self, clock: Clock) -> bool:
         return clock.integrator.beyond
@@ -52,10 +57,10 @@ class Prolonged(Settle):
         """Behind the sweeps of a substep: pairs that push, and what moment their pushes are short of."""
         if not self.asked(clock):
             return
-        method, near = self.method, self.method.near
-        given = [method.surfaces.data, method.at(), near.pairs, self.motion.ahead, self.state.v, clock.h]
+        near = self.method.near
+        given = [self.method.surfaces.data, self.moving(self.state.v), near.pairs, self.motion.ahead, clock.h]
         self.aims.count.zero_()
-        wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", given, [self.aims]))
+        wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", given, [self.aims, self.slips]))
 
     def settle(self, clock: Clock) -> None:
         """Behind the guarantee: v gets what contacts have changed, then what impulses do."""
@@ -68,12 +73,16 @@ class Prolonged(Settle):
 
     def even(self, clock: Clock) -> None:
         """Velocities of pairs that push are those of their motions."""
-        method, v = self.method, self.state.v
-        self.pairs("aim", [method.surfaces.data, method.at(), clock.h], [self.aims, method.near.sums])
+        data, v, sums = self.method.surfaces.data, self.state.v, self.method.near.sums
+        self.pairs("aim", [data, self.method.at(), clock.h], [self.aims, self.slips, sums])
         self.add(v)
-        self.sweep(v)
+        for _ in range(SWEEPS):
+            self.pairs("spread", [self.aims], [sums])
+            self.pairs("strike", [data, self.moving(v), clock.h, self.aims, self.slips], [sums])
+            self.add(v)
 
-    def strike(self, v: wp.array, more: int) -> None:
-        near, at = self.method.near, self.method.at()
+    def moving(self, v: wp.array):
+        """State of the points, with velocities [m/s]."""
+        at = self.method.at()
         at.v = v
-        self.pairs("strike", [self.method.surfaces.data, at, self.clock.h, self.aims, more, near.words], [near.sums])
+        return at

@@ -26,7 +26,7 @@ class Settle:
         self.clock = method.clock
         m = self.clock.integrator
         self.memory, self.halved = m.memory > 0.0, m.lags
-        self.capacity, self.extends = 0, self.memory           # sweeps go on while a pair lacks much
+        self.capacity = 0
         self.kernels = self.make(self.model.real, self.model.module)
         if self.kernels:
             self.room()
@@ -44,17 +44,14 @@ class Settle:
         self.v, self.given, self.lasting = (wp.zeros(n, dtype=vec3, device=self.model.device) for _ in range(3))
         return found
 
-    def rows(self) -> dict:
-        """Fields of the pairs, and their types."""
-        t, scalars = types(self.model.real), ("aim", "least", "most", "q", "swept", "keep")
-        return {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(scalars, t.scalar)}
-
     def room(self) -> None:
         """Arrays for so many pairs as the list has room for; not captured."""
         if not self.kernels or self.capacity == self.method.near.pairs.capacity:
             return
-        device, dtypes = self.model.device, self.rows()
+        t, device = types(self.model.real), self.model.device
         n = self.capacity = self.method.near.pairs.capacity
+        scalars = ("aim", "least", "most", "q", "swept", "keep")
+        dtypes = {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(scalars, t.scalar)}
         self.aims = filled(settle.aims(self.model.real), count=wp.zeros(1, dtype=int, device=device),
                            **{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
         self.threads = n if device.is_cuda else 1
@@ -79,9 +76,9 @@ class Settle:
         self.model.launch(method.guarantee.add, len(point), [point, v, 1, method.near.sums], [v])
 
     def sweep(self, v: wp.array) -> None:
-        """Sweeps; by BDF2 and the midpoint more of them while a pair lacks much."""
+        """Sweeps; by BDF2 more of them while a pair lacks much."""
         self.sweeps(v, SWEEPS, False)
-        if self.extends:
+        if self.memory:
             self.look(v, 1)
             wp.capture_while(self.method.near.word(pairs.NEARER), lambda: self.more(v))
 
@@ -97,15 +94,11 @@ class Settle:
         self.method.go_on()
 
     def sweeps(self, v: wp.array, count: int, leads: bool) -> None:
+        w, near = self.method.surfaces.data.w, self.method.near
         for k in range(count):
-            self.pairs("spread", [self.aims], [self.method.near.sums])
-            self.strike(v, k if leads else -1)
+            self.pairs("spread", [self.aims], [near.sums])
+            self.pairs("strike", [w, v, self.aims, k if leads else -1, near.words], [near.sums])
             self.add(v)
-
-    def strike(self, v: wp.array, more: int) -> None:
-        """One sweep; more: its number among those that lead ahead, or -1."""
-        near = self.method.near
-        self.pairs("strike", [self.method.surfaces.data.w, v, self.aims, more, near.words], [near.sums])
 
     def expected(self, clock: Clock):
         """State of the points where a substep begins, with the way that they are expected to go."""
