@@ -142,6 +142,47 @@ def finish_beyond(real, module, part: float = 0.5):
 
 
 @cache
+def prolong(real, module, part: float = 0.5):
+    """Kernel: d, found at that part of the substep, goes on to its end, where contacts look for it, and v is the velocity there
+    before they act; d is kept in `ahead`. A pinned point has the velocity that it went by."""
+    t, once, more = types(real), real(1.0 / part), real((1.0 - part) / part)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def prolong(w: wp.array(dtype=real), e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3),
+                g: real, d_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
+                ahead_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        solved = d[i] - e[i]
+        step = d[i] + more * solved
+        v1 = solved / g
+        if w[i] > real(0.0):
+            v1 = once * v1 - more * v[i]
+        v_out[i] = v1
+        d_out[i] = step
+        ahead_out[i] = step
+
+    return prolong
+
+
+@cache
+def land(real, module):
+    """Kernel: new position and its remainder, where the velocity is known."""
+    t = types(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def land(d: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+             x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        x0 = x[i]
+        step = d[i]
+        x1 = x0 + step
+        x_out[i] = x1
+        e_out[i] = step - (x1 - x0)
+
+    return land
+
+
+@cache
 def finish_bdf2(real, module):
     """Kernel: as finish_euler, and the history; reads x, e, v, d, a, struck. A point that leaves an overlap (struck = 1)
     forgets its history and goes on as if it had always moved with its new velocity; at other contacts the `settle` kernel of

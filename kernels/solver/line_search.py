@@ -22,11 +22,12 @@ from wsim.kernels.cloth.terms import batch_of
 from wsim.kernels.math.block import BLOCK
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import constants
-from wsim.kernels.solver.newton import structs
+from wsim.kernels.solver.newton import UNIT, structs
 from wsim.kernels.solver.pcg import total
 
 FULL = 0.05            # of f.y / 2: Newton's step brings all of it on a quadratic, none where it has jumped over the minimum
 HALVINGS = 8           # steps 1/2 ... 1/256
+ROUNDED = 4.0          # units of rounding of its place by which a point may go on by its force; what flies freely has 2 at most
 D = types(wp.float64)
 
 
@@ -206,6 +207,28 @@ def left(real, module):
             part_out[body] = real(wp.sqrt(above * inverse(below)))
 
     return wp.kernel(left, name=f"left_{t.name}", module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=BLOCK)
+
+
+@cache
+def rounded(real, module):
+    """Kernel over bodies times a block of threads: the residual of a body is 0 where none of its points would go on by ROUNDED
+    units of rounding of its place, which is all that is left of one that flies without a force."""
+    t, s, unit = types(real), structs(real), real(ROUNDED * UNIT[real])
+
+    def rounded(A: s.Matrix, first: wp.array(dtype=int), f: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                d: wp.array(dtype=t.vec3), part_out: wp.array(dtype=real)):
+        body = wp.tid() // wp.block_dim()
+        lane = wp.tid() - body * wp.block_dim()
+        count = wp.float64(0.0)
+        for i in range(first[body] + lane, first[body + 1], wp.block_dim()):
+            if not wp.length(A.P[i] * f[i]) <= unit * (wp.length(x[i]) + wp.length(d[i])):
+                count += wp.float64(1.0)
+        count = total(count)
+        if lane == 0 and count == wp.float64(0.0):
+            part_out[body] = real(0.0)
+
+    return wp.kernel(rounded, name=f"rounded_{t.name}", module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=BLOCK)
 
 

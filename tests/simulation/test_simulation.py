@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from tools.bench.nets import reference
+from wsim.model.stage import Remedy
 from wsim.scene import Plane, Scene, SceneError, Sphere, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
+from wsim.simulation import retry
 from wsim.simulation.simulation import Simulation
 
 CPU = {"device": "cpu"}
@@ -298,6 +300,16 @@ def test_the_midpoint_stays_where_its_residual_is_met():
     sim.set("/chain", "positions", sim.positions() + 0.05 * np.arange(4.0)[:, None] * [1.0, 0.0, 0.0])
     sim.run(30)
     assert sim.plan.integrator == "implicit_midpoint" and not any("residual that" in w for w in sim.warnings)
+
+
+def test_a_frame_that_lacked_room_is_repeated_before_an_integrator_gives_way():
+    """Which contacts there was no room for is chance, and so is what they would have left."""
+    sim = Simulation(chain(3, substeps=8, iterations=60, integrator="implicit_midpoint"), **CPU)
+    said = [Remedy("grow", lambda: "8 pairs were near, and there was room for 4"), Remedy("give way")]
+    sim.plan.methods[0].retry = lambda status: said
+    assert retry.mend(sim) and sim.plan.integrator == "implicit_midpoint"
+    said[0] = Remedy("grow", lambda: "")
+    assert retry.mend(sim) and sim.plan.integrator == "backward_euler"
 
 
 def test_more_contacts_than_room_repeat_the_frame():

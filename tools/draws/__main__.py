@@ -22,15 +22,15 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tools.draws.row import held, tried  # noqa: E402
-from tools.draws.scenes import KINDS, SOLVERS, Draw  # noqa: E402
+from tools.draws.scenes import SOLVERS, Draw  # noqa: E402
 
-HEAD = (f"{'draw':>5} {'kind':<8} {'prims':>5} {'points':>6} {'solver':<12} {'tested':>6} {'crossed':>7} {'proj':>4} "
+HEAD = (f"{'draw':>5} {'kind':<8} {'prims':>5} {'points':>6} {'solver':<15} {'tested':>6} {'crossed':>7} {'proj':>4} "
         f"{'cut':>4} {'held':>4} {'energy/s':>9} {'run':>4} {'gap/th':>7} {'strain':>7} {'momentum':>9} {'s':>6}")
 
 
 def line(row: dict) -> str:
     lost = "" if row["momentum"] is None else f"{row['momentum']:.1e}"
-    return (f"{row['draw']:>5} {row['kind']:<8} {row['prims']:>5} {row['points']:>6} {row['solver']:<12} {row['tested']:>6} "
+    return (f"{row['draw']:>5} {row['kind']:<8} {row['prims']:>5} {row['points']:>6} {row['solver']:<15} {row['tested']:>6} "
             f"{row['crossed']:>7} {row['projected']:>4.0f} {row['cut']:>4.0f} {row['held']:>4.0f} {row['cut_energy']:>9.2g} "
             f"{row['cut_run']:>4.0f} {row['least_gap']:>7.3f} {row['strain']:>7.3f} {lost:>9} "
             f"{row['seconds']:>6.1f}{'' if held(row) else '  FAILS'}")
@@ -39,8 +39,7 @@ def line(row: dict) -> str:
 def rows(given, began: float):
     """Rows as they come; no run begins after `seconds`."""
     todo = [(k, solver) for k in range(given.first, given.first + given.draws) for solver in given.solvers.split(",")
-            if not (KINDS[k % len(KINDS)] == "soft" and solver.startswith("xpbd"))         # it has no tetrahedra
-            and sum(len(b.points) for b in Draw(k, solver).scene.bodies()) <= given.most]
+            if Draw(k, solver).able and sum(len(b.points) for b in Draw(k, solver).scene.bodies()) <= given.most]
     if given.jobs == 1:
         for k, solver in todo:
             if time.monotonic() - began < given.seconds:

@@ -5,6 +5,8 @@
     solids     a sheet on a ball, a box and a capsule          stack    three sheets at angles fall on each other on a floor
     soft       a sheet between two soft blocks that meet at 8 m/s; not by XPBD
 
+The implicit midpoint takes throw, scrunch and soft alone: it has no colliders.
+
 Prims (k mod 3): 0 those of the world; 1 turned, scaled (by 0.01 to 100, and by up to 2 along axes) and up to 1 km away with all
 that is near; 2 turned and scaled alike, their points up to 1 km from their origins. Of nine in a hundred (k mod 11 = 5) sheets
 have 2000 to 5000 points together, of the others 64 to 300 each.
@@ -14,12 +16,14 @@ import numpy as np
 
 from wsim.scene import Box, Capsule, Motion, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.fabric import Fabric
+from wsim.scene.integrator import TABLE
 
 SOLVERS = {
     "xpbd": {"solver": "xpbd", "integrator": "backward_euler", "iterations": 4},
     "xpbd bdf2": {"solver": "xpbd", "integrator": "bdf2", "iterations": 4},
     "newton": {"solver": "implicit", "integrator": "backward_euler", "iterations": 2},
     "newton bdf2": {"solver": "implicit", "integrator": "bdf2", "iterations": 2},
+    "newton midpoint": {"solver": "implicit", "integrator": "implicit_midpoint", "iterations": 6},
     "leapfrog": {"solver": "explicit", "integrator": "leapfrog"},
     "rk4": {"solver": "explicit", "integrator": "rk4"}}
 KINDS = ("drop", "throw", "scrunch", "drape", "solids", "stack", "soft")
@@ -50,6 +54,12 @@ class Draw:
         settings = {"substeps": steps.get(SOLVERS[solver]["solver"], 12)} | SOLVERS[solver]
         self.scene = Scene(gravity=(0.0, -9.81 if falls else 0.0, 0.0), fps=60.0, **settings)
         getattr(self, self.kind)()
+
+    @property
+    def able(self) -> bool:
+        """Whether its solver has what the draw needs: XPBD has no tetrahedra, the midpoint no colliders."""
+        scene = self.scene
+        return not (scene.softs and scene.solver == "xpbd" or scene.colliders and TABLE[scene.integrator].rebounds)
 
     def way(self) -> np.ndarray:
         """1 m to 1 km, anywhere."""

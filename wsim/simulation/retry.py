@@ -77,11 +77,9 @@ def mend(sim: Simulation) -> bool:
     for remedy in said:
         if remedy.kind == "refine":
             _refine(sim, remedy.part, remedy.row)
-    for remedy in said:
-        grown = remedy.act() if remedy.kind == "grow" and remedy.act else ""
-        if grown:
-            sim.warnings.append(f"frame {sim.frame + 1}: {grown}; the frame was repeated")
-    if "give way" in kinds:
+    grown = [text for remedy in said if remedy.kind == "grow" and remedy.act and (text := remedy.act())]
+    sim.warnings += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text in grown]
+    if "give way" in kinds and not grown:                 # a residual may come of what there was no room for
         _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
     sim.graph = sim.graph if kinds == {"doubt"} else None
     return bool(kinds - {"doubt"})

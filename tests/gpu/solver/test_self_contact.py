@@ -35,7 +35,7 @@ def test_results_are_the_same_from_run_to_run():
     assert np.array_equal(*found)
 
 
-@pytest.mark.parametrize("solver", ["newton", "xpbd", "newton bdf2"])
+@pytest.mark.parametrize("solver", ["newton", "xpbd", "newton bdf2", "newton midpoint"])
 def test_a_light_sheet_between_heavy_ones_is_not_cut(solver):
     """Sweeps that go on within a graph, as many as they need."""
     found = []

@@ -16,6 +16,7 @@ SOLVERS = {                              # that surfaces which collide may be st
     "xpbd bdf2": dict(solver="xpbd", integrator="bdf2", substeps=10, iterations=6),
     "newton": dict(solver="implicit", integrator="backward_euler", substeps=10, iterations=3),
     "newton bdf2": dict(solver="implicit", integrator="bdf2", substeps=10, iterations=3),
+    "newton midpoint": dict(solver="implicit", integrator="implicit_midpoint", substeps=10, iterations=6),
     "leapfrog": dict(solver="explicit", integrator="leapfrog", substeps=40),
     "rk4": dict(solver="explicit", integrator="rk4", substeps=40)}
 THIN = Fabric(stretch=500.0, shear=100.0, bend=1e-6, thickness=2e-3, density=100.0)

@@ -8,6 +8,7 @@ import pytest
 from tests.conftest import first_and_slow
 from tests.physics.selfcontact.rig import SOLVERS, THIN, crossed, crumple, layers, run, said, solvers, thrown
 from tests.physics.selfcontact.test_momentum import moments
+from tools.draws.scenes import drawn
 from wsim.kernels.selfcontact import cut, pairs
 from wsim.physics.selfcontact import method
 
@@ -26,6 +27,17 @@ def test_a_crumpled_sheet_has_no_intersection_in_any_substep(seed):
     for sim in by_substep(crumple(seed), 4):
         assert crossed(sim) == 0, sim.frame
     assert said(sim)["held"] == 0
+
+
+def test_sheets_that_are_thrown_have_no_intersection_in_any_substep_by_the_midpoint():
+    """Which steps to the end, and gains no energy."""
+    scene, energy = drawn(8, "newton midpoint"), []
+    for sim in by_substep(scene, 5):
+        assert crossed(sim) == 0, sim.frame
+        energy.append(sum(sim.indicators()[name] for name in ("kinetic_energy", "elastic_energy")))
+    told = said(sim)
+    assert sim.plan.integrator == "implicit_midpoint" and told["cut"] == told["held"] == 0 < told["near_pairs"]
+    assert max(energy) < 1.05 * energy[0]
 
 
 def test_the_same_sheet_passes_through_itself_without():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.physics.selfcontact.rig import SOLVERS, crossed, run, said, solvers
-from wsim.scene import Plane, Scene, shapes
+from wsim.scene import Pin, Plane, Scene, shapes
 from wsim.scene.fabric import Fabric
 
 CALM = 1e-3                              # [m/s]
@@ -52,6 +52,32 @@ def test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is(solver):
     assert min(touching) > 90 and np.ptp(touching) <= 1, touching                                        # no flicker
     assert max(thin) <= 0.05, thin
     assert 0.5 * CLOTH.thickness < min(least) <= CLOTH.thickness, least
+
+
+def test_a_folded_cloth_at_rest_on_a_cloth_is_calm_by_the_midpoint():
+    """It has no colliders: on a cloth that pins hold. Nothing but friction and air takes what trembles."""
+    scene = folded(**SOLVERS["newton midpoint"])
+    scene.colliders.clear()
+    points, counts, indices = shapes.sheet(0.16, 0.1, 16, 10, horizontal=True)
+    own = scene.cloths[0].points
+    middle = 0.5 * (own.min(axis=0) + own.max(axis=0)) - np.mean(points, axis=0)
+    scene.cloth("/under", points + (middle[0], -0.5 * CLOTH.thickness, middle[2]), counts, indices, material=CLOTH,
+                self_collision=True)
+    scene.pins.append(Pin("/pin", "/under", range(len(points) - 1)))
+    sim = run(scene)
+    sim.run(75)
+    touching = []
+    for _ in range(6):
+        before = sim.positions("/cloth")
+        sim.step()
+        v, told = sim.velocities("/cloth"), said(sim)
+        touching.append(told["touching"])
+        assert np.linalg.norm(v, axis=1).max() < CALM
+        assert np.linalg.norm(v - 60.0 * (sim.positions("/cloth") - before), axis=1).max() < 0.5 * CALM
+        assert told["thin"] <= 0.05 and 0.5 * CLOTH.thickness < told["least_gap"] <= CLOTH.thickness
+    assert crossed(sim) == 0 and told["cut"] == told["held"] == told["projected"] == 0
+    assert min(touching) > 90 and np.ptp(touching) <= 1                                                  # no flicker
+    assert sim.plan.integrator == "implicit_midpoint"
 
 
 def test_a_folded_cloth_at_rest_is_not_read_as_falling_by_rk4():

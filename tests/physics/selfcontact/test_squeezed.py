@@ -29,7 +29,8 @@ def squeezed(times: float = 1.0, **solver):
     return scene
 
 
-@pytest.mark.parametrize("solver", first_and_slow([*solvers("newton", "xpbd", "xpbd bdf2", "newton bdf2"), LEAPFROG]))
+@pytest.mark.parametrize("solver", first_and_slow([
+    *solvers("newton", "xpbd", "xpbd bdf2", "newton bdf2", "newton midpoint"), LEAPFROG]))
 def test_a_light_sheet_between_heavy_ones_takes_the_velocity_of_all(solver):
     """Within 2 % of the 16 m/s, or times 3, behind three frames (points lie beside points, so sheets are bent by the blow, and
     tremble); momentum to 1e-6; nothing cut, held or projected."""

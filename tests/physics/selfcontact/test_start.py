@@ -26,6 +26,13 @@ def test_a_start_that_intersects_is_told_with_its_place_and_held():
     assert np.abs(sim.positions("/cloth0") - before).max() < 0.03               # held, or fallen freely, never thrown
 
 
+def test_sdirk3_is_refused_with_the_prim():
+    found = scene((True, (0.0, 0.0, 0.0)))
+    found.solver, found.integrator = "implicit", "sdirk3"
+    with pytest.raises(SceneError, match="/cloth0: it has wsim:selfCollision, and integrator sdirk3 .* implicit_midpoint"):
+        run(found)
+
+
 def test_surfaces_that_start_apart_are_told_of_nothing():
     sim = run(scene((True, (0.0, 0.0, 0.0)), (True, (0.0, 0.02, 0.0))))
     sim.run(2)

@@ -71,9 +71,24 @@ class Prolonged(Euler):
 
     def make(self, real, module: str) -> None:
         self.kernels["end"] = kernels.finish_beyond(real, module, self.row.nodes[0])
+        self.more = 1.0 / self.row.nodes[0] - 1.0
+        self.ahead: Any = None            # d at the end of a substep before surfaces that touch act on it, where some do
+
+    def meet(self) -> None:
+        """Makes what surfaces need that touch where substeps end."""
+        real, module = self.model.real, self.model.module
+        self.ahead = wp.zeros(self.model.points, dtype=types(real).vec3, device=self.model.device)
+        self.kernels |= {"prolong": kernels.prolong(real, module, self.row.nodes[0]), "land": kernels.land(real, module)}
+
+    def prolong(self, clock: Clock) -> None:
+        """d and v become those of the end of the substep, before contacts."""
+        s, w = self.state, self.points.constants.w
+        self.launch("prolong", [w, s.e, s.d, s.v, clock.g], [s.d, s.v, self.ahead])
 
     def finish(self, clock: Clock) -> None:
         s = self.state
+        if self.ahead is not None and not clock.free:
+            return self.launch("land", [s.d, s.x], [s.x, s.e])
         self.launch("end", [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
 
 

@@ -5,8 +5,8 @@ XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit
 impulses, BEHIND of them (as pairs of carriers do), and more while a pair would end at less than half of its distance: what is
 light between what is heavy takes hundreds. By leapfrog only where there are neither colliders nor strands: what is read behind
 half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
-behind each solver: it changes displacements before velocities are made of them. Integrators whose substeps end elsewhere than
-where they solve are refused.
+behind each solver: it changes displacements before velocities are made of them. The implicit midpoint goes on to the end of its
+steps before (wsim/physics/selfcontact/prolonged.py), by XPBD too; sdirk3, which solves twice a step, is refused by the check.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from wsim.physics.selfcontact.near import Near
 from wsim.physics.selfcontact.settle import Settle
 from wsim.physics.selfcontact.start import reports
 from wsim.physics.selfcontact.surfaces import Surfaces
-from wsim.scene import Problem, SceneError
 from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
@@ -44,12 +43,6 @@ RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of t
 
 
 def build(b: Build) -> SelfContact:
-    """Raises SceneError for an integrator that ends a substep elsewhere than where it solves."""
-    if b.clock.integrator.rebounds:
-        name = b.clock.integrator.title or b.clock.integrator.name
-        raise SceneError(Problem("/", f"{name} ends a substep elsewhere than where it solves, and surfaces with "
-                                 "wsim:selfCollision are proven where that is; take wsim:integrator = backward_euler, bdf2 or "
-                                 "leapfrog"))
     return SelfContact(b)
 
 
@@ -76,7 +69,7 @@ class SelfContact(Method):
         self.frames = self.repeats = self.run = 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
         self.often, self.fresh, self.busy, self.stopped = False, True, True, False
-        self.within = within = b.choice.solver == "xpbd"
+        self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
         self.sweeps = SWEEPS if within else BEHIND
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         if self.obstacles:
@@ -89,10 +82,16 @@ class SelfContact(Method):
             Stage("guarantee", "solve", self.keep, 8, 0, what="proof; projections and cuts of what lacks one")]
         for stage in self.stages:
             stage.frames = MET
-        self.settle = Settle(self)
+        self.settle = self._settle()
         self.apart = Apart(self, b)
         self.stages.append(self.apart.stage)
         self.offers = {"clearance": self.apart, "self-contact": self}
+
+    def _settle(self) -> Settle:
+        if self.clock.integrator.beyond:
+            from wsim.physics.selfcontact.prolonged import Prolonged
+            return Prolonged(self)
+        return Settle(self)
 
     @property
     def said(self):
@@ -133,8 +132,9 @@ class SelfContact(Method):
         if self.strands:
             self.strands.lend()
         self.borrow()
-        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(self.at(), begins=1))
-        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(self.at()))
+        at = self.settle.expected(clock)
+        wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(at, begins=1))
+        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(at))
 
     def touch(self, clock: Clock) -> None:
         import warp as wp

@@ -27,21 +27,26 @@ class Settle:
         m = self.clock.integrator
         self.memory, self.halved = m.memory > 0.0, m.lags
         self.capacity = 0
-        if self.memory or self.halved:
-            real, module = self.model.real, self.model.module
-            self.kernels = {f.__name__: f(real, module) for f in (settle.gather, settle.spread, settle.strike, settle.combine)}
-            if self.memory:
-                self.kernels |= {"aim": settle.aim(real, module), "lacking": settle.lacking(real, module)}
-            if self.halved:
-                self.kernels["give"] = settle.give(real, module)
-            vec3 = types(real).vec3
-            self.v, self.given, self.lasting = (wp.zeros(method.surfaces.total, dtype=vec3, device=self.model.device)
-                                                for _ in range(3))
+        self.kernels = self.make(self.model.real, self.model.module)
+        if self.kernels:
             self.room()
+
+    def make(self, real, module: str) -> dict:
+        """Kernels by name, and arrays of points; none where nothing is to be done."""
+        if not (self.memory or self.halved):
+            return {}
+        found = {f.__name__: f(real, module) for f in (settle.gather, settle.spread, settle.strike, settle.combine)}
+        if self.memory:
+            found |= {"aim": settle.aim(real, module), "lacking": settle.lacking(real, module)}
+        if self.halved:
+            found["give"] = settle.give(real, module)
+        n, vec3 = self.method.surfaces.total, types(real).vec3
+        self.v, self.given, self.lasting = (wp.zeros(n, dtype=vec3, device=self.model.device) for _ in range(3))
+        return found
 
     def room(self) -> None:
         """Arrays for so many pairs as the list has room for; not captured."""
-        if not (self.memory or self.halved) or self.capacity == self.method.near.pairs.capacity:
+        if not self.kernels or self.capacity == self.method.near.pairs.capacity:
             return
         t, device = types(self.model.real), self.model.device
         n = self.capacity = self.method.near.pairs.capacity
@@ -94,6 +99,10 @@ class Settle:
             self.pairs("spread", [self.aims], [near.sums])
             self.pairs("strike", [w, v, self.aims, k if leads else -1, near.words], [near.sums])
             self.add(v)
+
+    def expected(self, clock: Clock):
+        """State of the points where a substep begins, with the way that they are expected to go."""
+        return self.method.at()
 
     def asked(self, clock: Clock) -> bool:
         """True for a substep behind which velocities are settled, and the one before it."""

@@ -22,7 +22,7 @@ class Residual:
         if clock.watched:
             status.reserve(MISSED)
             from wsim.kernels.solver.xpbd_residual import judge
-            self.judge = judge(model.real, model.module)
+            self.judge, self.rounded = judge(model.real, model.module), line_search.rounded(model.real, model.sweep_module)
 
     def measure(self, clock: Clock, terms: Iterable[Term]) -> None:
         """Measures what the frame's last Newton step left, and whether an integrator that needs it may go on."""
@@ -35,6 +35,8 @@ class Residual:
             own.system.schwarz.left(own, f, self.array)
         else:
             own.system.launch(self.left, [own.points.constants, own.A, own.system.first, f, own.state.d, own.b], [self.array])
+        if clock.watched:
+            own.system.launch(self.rounded, [own.A, own.system.first, f, own.state.x, own.state.d], [self.array])
         self.launch(self.unmet, [self.array, self.status.offset(UNSOLVED)], [self.status.array])
         if clock.watched:
             self.launch(self.judge, [self.array, clock.integrator.met[0]], [self.status.word(MISSED)])

@@ -19,7 +19,7 @@ from wsim.scene.check import objects
 from wsim.scene.check.counts import MOST
 from wsim.scene.check.objects import array, error, number, rigid, values, warning
 from wsim.scene.integrator import SOLVERS, TABLE
-from wsim.scene.methods import carried, collides, every, moving
+from wsim.scene.methods import carried, collides, every, moving, touches
 
 SOFT_SOLVERS = tuple(name for name in ("auto", "implicit", "explicit") if name in SOLVERS)
 WEAK = 0.2         # [m/s^2] an eighth of the Moon's; 9.81 in a file of centimetres is 0.0981
@@ -102,7 +102,13 @@ def _method(scene: Scene) -> Iterator[Problem]:
     if scene.softs and scene.solver == "xpbd":
         yield error("/", f"solver xpbd has no tetrahedra, of which {scene.softs[0].path} is made", ", ".join(SOFT_SOLVERS),
                     "choose one of them")
-    if collides(scene) and scene.integrator in TABLE and TABLE[scene.integrator].rebounds:
+    named = TABLE.get(scene.integrator)
+    if touches(scene) and named and named.solves > 1:
+        path = next(body.path for body in scene.bodies() if getattr(body, "self_collision", False))
+        yield error(path, f"it has wsim:selfCollision, and integrator {named.name} solves twice a step: what touches is proven "
+                    "where a step of one solution ends", "backward_euler, bdf2, implicit_midpoint or an explicit one",
+                    "choose one of them, or leave wsim:selfCollision out")
+    elif (scene.colliders or carried(scene)) and named and named.rebounds:
         said, others = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
         if scene.bodies() and carried(scene):            # bodies that touch points: `wsim.simulation.choice` takes BDF2
             yield warning("/", f"{said} rigid bodies that points touch: bdf2 takes its place", others, "name one of them")
