@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.model import variants
+from wsim.model.compiler import variants
 from wsim.physics.cloth.kinds import stored as cloth
 from wsim.physics.contact import Bodies, Contacts, depth
 from wsim.physics.soft import stored as soft

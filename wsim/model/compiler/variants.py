@@ -13,8 +13,11 @@ does: the word is left out there.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
-from warp._src import codegen
+from warp._src import build, codegen
+
+from wsim.model.compiler import source
 
 QUESTION = "cpu_linear_contiguous_specialization_candidate"
 WORDS, APART = "_INLINE_ATTRS", "noinline"
@@ -24,14 +27,26 @@ WORDS, APART = "_INLINE_ATTRS", "noinline"
 def single(cpu: bool = True) -> Iterator[None]:
     """Modules that are compiled inside have one variant of each kernel; functions stand by themselves on a CPU alone."""
     answer, words = getattr(codegen, QUESTION, None), getattr(codegen, WORDS, None)
+    compiled = build.build_cpu
     if answer is not None:
         setattr(codegen, QUESTION, lambda adj, block_dim: False)
     if words is not None and not cpu:
         setattr(codegen, WORDS, {word: code for word, code in words.items() if word != APART})
+    build.build_cpu = partial(_rewritten, compiled)
     try:
         yield
     finally:
+        build.build_cpu = compiled
         if answer is not None:
             setattr(codegen, QUESTION, answer)
         if words is not None:
             setattr(codegen, WORDS, words)
+
+
+def _rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
+    """Compiles the source that `wsim.model.compiler.source` makes of that of a module, and leaves it in its place."""
+    with open(cpp_path, encoding="utf-8") as file:
+        given = file.read()
+    with open(cpp_path, "w", encoding="utf-8") as file:
+        file.write(source.shorter(given))
+    compiled(obj_path, cpp_path, *args, **more)
