@@ -1,82 +1,84 @@
-"""C++ that Warp generates for a CPU, rewritten so that LLVM takes less time for the same bits.
+"""C++ that Warp generates for a CPU, rewritten so that the compiler takes less time for the same bits.
 
-Warp hands structs to functions by value, and LLVM puts functions in wherever they are called (Warp sets its threshold to 9000, 225 is
-usual): what is called at three levels is simplified at each, with its copies of structs, some of which have hundreds of fields.
+    by reference     Warp hands structs and arrays to functions by value, and some structs have hundreds of fields. What a function
+                     only reads is handed over by reference: one that stands by itself (`wp.func(inline=False)`) then costs a
+                     call, and no copy; and what is put into others is simplified without copies
+    no adjoints      a module without a backward pass has none, and Warp's header none (`wsim.model.compiler.header`)
 
-    by reference     a struct that a function only reads is handed over by reference: a function that stands by itself then costs
-                     a call, and no copy
-    by themselves    functions of LONG statements and more stand by themselves. Rounding does not change: C++ fuses within an
-                     expression, and each of Warp's is one operation
-
-Both are decided function by function from the text alone; what does not look as expected stays as it is.
+Both are decided function by function from the text alone; what does not look as expected stays as it is. Letting all functions of 60
+statements stand by themselves was tried: fluids compile in a third less time, and their frames take half as long again.
 """
 
 import re
+from collections import defaultdict
 
-LONG = 60          # statements of a function that stands by itself: 20 compiles as fast, 150 a fifth slower
-FUNCTION = re.compile(r"^static ((?:WP_\w+ )?)([^\n(]+ )(\w+)\(\n((?:    [^\n]*\n)+?)\{\n(.*?)^\}\n", re.M | re.S)
+from wsim.model.compiler import header
+
+BACKWARD = "_cpu_backward("
+HEAD = re.compile(r"^static ((?:WP_\w+ )?)([^\n(]+ )(\w+)\(\n((?:    [^\n]*\n)+)\{\n", re.M)
+END = "\n}\n"
 STRUCT = re.compile(r"^struct (\w+)\n?\s*\{", re.M)
-PARAMETER = re.compile(r"^    (\w+) (var_\w+)(?=[,)])", re.M)
+PARAMETER = re.compile(r"^    (\w+|wp::array_t<[\w:<>, ]+>) (var_\w+)(?=,$|\)$)", re.M)
 ARGUMENT = re.compile(r"^    (\w+) (var_\w+)(?= = _wp_args->\w+;$)", re.M)
-STATEMENT = re.compile(r"^ +[^/\s][^\n]*;$", re.M)
+WORD = re.compile(r"\bvar_\w+")
+# what may stand in a function that only reads a struct: a field's place; the whole as an argument of a function or a copy; a load
+FIELD = re.compile(r"\s*(var_\w+) = &\(+\*?(var_\w+)(?:\)\.|->|\)->)[\w().>-]*;")
 CALL = re.compile(r"\s*(?:var_\w+ = )?(?:\w+|wp::copy)\((?:var_\w+|, )+\);")
+ELEMENT = re.compile(r"\s*(?:var_\w+ = )?wp::(?:address|array_store|atomic_\w+)\(var_\w+(?:, -?[\w.]+)*\);")   # of an array
+GIVEN = re.compile(r"    \w+ (var_\w+) = _wp_args->\w+;")
+LOAD = re.compile(r"\s*var_\w+ = wp::load\((var_\w+)\);|\s*[\w:<>, ]+\* (var_\w+);")
 
 
 def shorter(text: str) -> str:
     """The source of a module, rewritten."""
+    if BACKWARD not in text:
+        text = header.within(header.without_adjoints(text))
     structs = {name for name in STRUCT.findall(text) if not name.startswith("wp_args")}
-
-    def rewritten(found: re.Match) -> str:
-        word, kind, name, parameters, body = found.groups()
-        if name.startswith("adj_"):
-            return found[0]
-        kernel = "_wp_args" in parameters
-        read = _read(body, [var for type_, var in (ARGUMENT.findall(body) if kernel else PARAMETER.findall(parameters))
-                            if type_ in structs])
-        if kernel:
-            body = ARGUMENT.sub(lambda m: f"    {m[1]} & {m[2]}" if m[2] in read else m[0], body)
-        else:
-            parameters = PARAMETER.sub(lambda m: f"    {m[1]} & {m[2]}" if m[2] in read else m[0], parameters)
-            if not word and _statements(body) >= LONG:
-                word = "WP_NOINLINE "
-        return f"static {word}{kind}{name}(\n{parameters}{{\n{body}}}\n"
-    return FUNCTION.sub(rewritten, text)
-
-
-def _statements(body: str) -> int:
-    """Statements that compute something; declarations have no `=` or a constant."""
-    return sum(not line.lstrip().startswith("const ") and ("=" in line or "(" in line) for line in STATEMENT.findall(body))
-
-
-def _read(body: str, names: list[str]) -> set[str]:
-    """Those of the structs that are only read: fields by loads, or whole as arguments of functions and of copies."""
-    lines = body.splitlines()
-    return {name for name in names if _only_read(lines, name)}
-
-
-def _only_read(lines: list[str], name: str) -> bool:
-    """Also through the pointers to its fields, and to theirs."""
-    word = re.compile(rf"\b{name}\b")
-    field = re.compile(rf"\s*(var_\w+) = &\(+(?:{name})(?:\)\.|->|\)->)[\w().>-]*;")
-    for line in lines:
-        if not word.search(line):
+    parts, at = [], 0
+    for head in HEAD.finditer(text):
+        end = text.find(END, head.end() - 1) + 1
+        if head.start() < at or not end or head[3].startswith("adj_"):
             continue
-        if found := field.fullmatch(line):
-            if not _pointer_read(lines, found[1]):
+        parts += [text[at:head.start()], _function(head, text[head.end():end], structs)]
+        at = end
+    return "".join([*parts, text[at:]])
+
+
+def _function(head: re.Match, body: str, structs: set[str]) -> str:
+    """A function, or a kernel, whose arguments come by a pointer."""
+    word, kind, name, parameters = head.groups()
+    kernel = "_wp_args" in parameters
+    named = ARGUMENT.findall(body) if kernel else PARAMETER.findall(parameters)
+    read = only_read(body, {var for of, var in named if of in structs or of.startswith("wp::")})
+
+    def by_reference(found: re.Match) -> str:
+        return f"    {found[1]} & {found[2]}" if found[2] in read else found[0]
+    if kernel:
+        body = ARGUMENT.sub(by_reference, body)
+    else:
+        parameters = PARAMETER.sub(by_reference, parameters)
+    return f"static {word}{kind}{name}(\n{parameters}{{\n{body}"
+
+
+def only_read(body: str, names: set[str]) -> set[str]:
+    """Those variables, structs, that a body only reads: fields by loads, the whole as arguments of functions and of copies."""
+    if not names:
+        return names
+    lines = defaultdict(list)
+    for line in body.splitlines():
+        if not line.lstrip().startswith("//"):
+            for word in set(WORD.findall(line)):
+                lines[word].append(line)
+    return {name for name in names if _read(name, lines, CALL, GIVEN, ELEMENT)}
+
+
+def _read(name: str, lines: dict[str, list[str]], *allowed: re.Pattern) -> bool:
+    """Also through the pointers to its fields, and to theirs."""
+    for line in lines[name]:
+        field = FIELD.fullmatch(line)
+        if field and field[2] == name:
+            if not _read(field[1], lines, LOAD):
                 return False
-        elif not CALL.fullmatch(line) and not re.fullmatch(rf"    \w+ {name} = _wp_args->\w+;", line):
+        elif not (field and field[1] == name) and not any(form.fullmatch(line) for form in allowed):
             return False
-    return True
-
-
-def _pointer_read(lines: list[str], name: str) -> bool:
-    """A pointer that is only loaded from."""
-    word, allowed = re.compile(rf"\b{name}\b"), re.compile(
-        rf"\s*[\w:<>, ]+\* {name};|\s*{name} = &\([\w().>-]*;|\s*var_\w+ = wp::load\({name}\);")
-    deeper = re.compile(rf"\s*(var_\w+) = &\(+\*?{name}(?:\)\.|->|\)->)[\w().>-]*;")
-    for line in lines:
-        if word.search(line) and not allowed.fullmatch(line):
-            found = deeper.fullmatch(line)
-            if not found or not _pointer_read(lines, found[1]):
-                return False
     return True

@@ -1,4 +1,4 @@
-"""How Warp is asked to compile kernels: on the CPU each once and in parts, on a GPU as ever.
+"""How Warp is asked to compile kernels: on the CPU each once, in parts and from rewritten source, on a GPU as ever.
 
 Warp 1.19 compiles a second variant of most CPU kernels, for arrays without gaps: a third of the time to compile a scene, the
 same bits, 0 to 5 % of run time. Its configuration has no word for it, so its question whether a kernel may have one is answered
@@ -6,14 +6,16 @@ here, while a module of ours is loaded. Where Warp has no such question, nothing
 
 Functions that stand by themselves, `wp.func(inline=False)`, are long ones that are called seldom: those of a pair of bodies,
 once a frame, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such
-a size that LLVM takes up to half as long again. The bits are the same. A call copies the structs that it gives (4 kB of a Rig,
-0.1 us): what a contact calls in each sweep does not stand by itself. On a GPU, where a call spills what registers hold, none
-does: the word is left out there.
+a size that LLVM takes up to twice as long: it simplifies what is called at three levels once for each. The bits are the same, and
+since structs go by reference (`wsim.model.compiler.source`) a call costs no copy. On a GPU, where a call spills what registers hold,
+none does: the word is left out there.
 """
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 
 from warp._src import build, codegen
 
@@ -44,9 +46,17 @@ def single(cpu: bool = True) -> Iterator[None]:
 
 
 def _rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
-    """Compiles the source that `wsim.model.compiler.source` makes of that of a module, and leaves it in its place."""
-    with open(cpp_path, encoding="utf-8") as file:
-        given = file.read()
-    with open(cpp_path, "w", encoding="utf-8") as file:
-        file.write(source.shorter(given))
-    compiled(obj_path, cpp_path, *args, **more)
+    """Compiles what `wsim.model.compiler.source` makes of a module's source; the source itself, where that does not compile."""
+    given, short = Path(cpp_path), Path(f"{cpp_path}.{os.getpid()}.cpp")
+    text = given.read_text(encoding="utf-8")
+    if source.BACKWARD not in text:
+        more["use_precompiled_headers"] = False              # its header is not Warp's, and takes 0.3 s
+    try:
+        short.write_text(source.shorter(text), encoding="utf-8")
+        compiled(obj_path, str(short), *args, **more)
+    except OSError:
+        raise
+    except Exception:
+        compiled(obj_path, cpp_path, *args, **more)
+    finally:
+        short.unlink(missing_ok=True)

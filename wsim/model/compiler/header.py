@@ -1,0 +1,68 @@
+"""Warp's header without adjoints, for modules that have no backward pass.
+
+Clang reads 45,000 lines of header for each module, and most of its time (0.9 CPU-s) goes into adjoints that macros make for each type:
+`adj_smoothstep` alone resolves hundreds of overloads. Without them it takes 0.3. What is left out is found in the text of the installed
+Warp: functions whose name begins with `adj_`, but for those of atomics, which others use.
+"""
+
+import re
+from functools import cache
+from pathlib import Path
+
+INCLUDES = '#include "builtin.h"\n#include "deterministic.h"\n'
+INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"')
+ADJOINT = re.compile(r"(?:template\s*<[^{};()]*>[\s\\]*)?(?:(?:inline|static|CUDA_CALLABLE|CUDA_CALLABLE_DEVICE|WP_NOINLINE)[\s\\]+)+"
+                     r"void[\s\\]+adj_(?!atomic)\w+[\s\\]*\(")
+NEXT = re.compile(r"[\s\\]*(.)", re.S)
+PAIRS = {"(": re.compile(r"[()]"), "{": re.compile(r"[{}]")}
+
+
+def within(text: str) -> str:
+    """The source of a module with the header put in where it is included; as it is, where it is included otherwise."""
+    return text.replace(INCLUDES, lean(), 1)
+
+
+@cache
+def lean() -> str:
+    """Text of Warp's header and of all that it includes, without adjoints."""
+    import warp
+    lines: list[str] = []
+    _read(Path(warp.__file__).parent / "native", INCLUDES.splitlines(), set(), lines)
+    return without_adjoints("\n".join(lines)) + "\n"
+
+
+def _read(native: Path, given: list[str], seen: set[str], lines: list[str]) -> None:
+    """Lines with each header in the place where it is first included."""
+    for line in given:
+        found = INCLUDE.match(line)
+        if found and (native / found[1]).is_file():
+            if found[1] not in seen:
+                seen.add(found[1])
+                _read(native, (native / found[1]).read_text(encoding="utf-8").splitlines(), seen, lines)
+        elif line.strip() != "#pragma once":
+            lines.append(line)
+
+
+def without_adjoints(text: str) -> str:
+    """C++ without the functions that are adjoints, also those in macros."""
+    parts, at = [], 0
+    for head in ADJOINT.finditer(text):
+        if head.start() < at:
+            continue
+        end = _closed(text, head.end(), "(")
+        after = NEXT.match(text, end) if end else None
+        end = after.end() if after and after[1] == ";" else _closed(text, after.end(), "{") if after and after[1] == "{" else 0
+        if end:
+            parts.append(text[at:head.start()])
+            at = end
+    return "".join([*parts, text[at:]])
+
+
+def _closed(text: str, at: int, opened: str) -> int:
+    """Place behind the bracket that closes one that was opened before `at`; 0: there is none."""
+    depth = 1
+    for found in PAIRS[opened].finditer(text, at):
+        depth += 1 if found[0] == opened else -1
+        if not depth:
+            return found.end()
+    return 0
