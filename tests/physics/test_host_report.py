@@ -130,6 +130,21 @@ def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(sc
         assert "cpu_forward_tasks<false>" in text and "cpu_forward_tasks<true>" not in text
 
 
+FIRST = """
+import sys
+from wsim.simulation.simulation import Simulation
+sim = Simulation(sys.argv[1], device="cpu")
+sim.step()
+"""
+
+
+def test_a_first_frame_compiles_one_module_though_half_of_its_stretches_launch_nothing(tmp_path):
+    """Frames without contacts launch no correction: what is launched in one with the others is not compiled by itself."""
+    subprocess.run([sys.executable, "-c", FIRST, str(ROOT / "scenes" / "bear.usda")], cwd=ROOT, check=True,
+                   capture_output=True, env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
+    assert len(list(tmp_path.rglob("*.cpp"))) == 1
+
+
 def test_warp_still_asks_whether_a_kernel_may_have_two_variants():
     """Where it does not, nothing is left out, and each scene takes a third longer to compile."""
     from warp._src import codegen

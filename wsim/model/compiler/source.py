@@ -1,12 +1,12 @@
 """C++ that Warp generates for a CPU, rewritten so that the compiler takes less time for the same bits.
 
-    by reference     Warp hands structs and arrays to functions by value, and some structs have hundreds of fields. What a function
-                     only reads is handed over by reference: one that stands by itself (`wp.func(inline=False)`) then costs a
+    by reference     Warp hands structs and arrays to functions by value, and some structs have hundreds of fields. What a
+                     function only reads is handed over by reference: one that stands by itself (`wp.func(inline=False)`) then costs a
                      call, and no copy; and what is put into others is simplified without copies
     no adjoints      a module without a backward pass has none, and Warp's header none (`wsim.model.compiler.header`)
 
-Both are decided function by function from the text alone; what does not look as expected stays as it is. Letting all functions of 60
-statements stand by themselves was tried: fluids compile in a third less time, and their frames take half as long again.
+Both are decided function by function from the text alone; what does not look as expected stays as it is. Letting all functions
+of 60 statements stand by themselves was tried: fluids compile in a third less time, and their frames take half as long again.
 """
 
 import re
@@ -21,7 +21,7 @@ STRUCT = re.compile(r"^struct (\w+)\n?\s*\{", re.M)
 PARAMETER = re.compile(r"^    (\w+|wp::array_t<[\w:<>, ]+>) (var_\w+)(?=,$|\)$)", re.M)
 ARGUMENT = re.compile(r"^    (\w+) (var_\w+)(?= = _wp_args->\w+;$)", re.M)
 WORD = re.compile(r"\bvar_\w+")
-# what may stand in a function that only reads a struct: a field's place; the whole as an argument of a function or a copy; a load
+# lines of a function that only reads a struct: the place of a field; the whole as an argument of a function, or a copy; loads
 FIELD = re.compile(r"\s*(var_\w+) = &\(+\*?(var_\w+)(?:\)\.|->|\)->)[\w().>-]*;")
 CALL = re.compile(r"\s*(?:var_\w+ = )?(?:\w+|wp::copy)\((?:var_\w+|, )+\);")
 ELEMENT = re.compile(r"\s*(?:var_\w+ = )?wp::(?:address|array_store|atomic_\w+)\(var_\w+(?:, -?[\w.]+)*\);")   # of an array

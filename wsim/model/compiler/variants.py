@@ -4,11 +4,11 @@ Warp 1.19 compiles a second variant of most CPU kernels, for arrays without gaps
 same bits, 0 to 5 % of run time. Its configuration has no word for it, so its question whether a kernel may have one is answered
 here, while a module of ours is loaded. Where Warp has no such question, nothing is changed.
 
-Functions that stand by themselves, `wp.func(inline=False)`, are long ones that are called seldom: those of a pair of bodies,
-once a frame, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such
-a size that LLVM takes up to twice as long: it simplifies what is called at three levels once for each. The bits are the same, and
-since structs go by reference (`wsim.model.compiler.source`) a call costs no copy. On a GPU, where a call spills what registers hold,
-none does: the word is left out there.
+Functions that stand by themselves, `wp.func(inline=False)`, are long ones: those of a pair of bodies and of a contact of
+rigid bodies, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such
+a size that LLVM takes up to twice as long: it simplifies what is called at three levels once for each. The bits are the same,
+and since structs go by reference (`wsim.model.compiler.source`) a call costs no copy. On a GPU, where a call spills what
+registers hold, none does: the word is left out there.
 """
 
 import os
@@ -34,7 +34,7 @@ def single(cpu: bool = True) -> Iterator[None]:
         setattr(codegen, QUESTION, lambda adj, block_dim: False)
     if words is not None and not cpu:
         setattr(codegen, WORDS, {word: code for word, code in words.items() if word != APART})
-    build.build_cpu = partial(_rewritten, compiled)
+    build.build_cpu = partial(rewritten, compiled)
     try:
         yield
     finally:
@@ -45,18 +45,18 @@ def single(cpu: bool = True) -> Iterator[None]:
             setattr(codegen, WORDS, words)
 
 
-def _rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
+def rewritten(compiled, obj_path, cpp_path, **more) -> None:
     """Compiles what `wsim.model.compiler.source` makes of a module's source; the source itself, where that does not compile."""
     given, short = Path(cpp_path), Path(f"{cpp_path}.{os.getpid()}.cpp")
     text = given.read_text(encoding="utf-8")
-    if source.BACKWARD not in text:
-        more["use_precompiled_headers"] = False              # its header is not Warp's, and takes 0.3 s
+    # Warp's precompiled header holds what a module without a backward pass does without
+    headers = {} if source.BACKWARD in text else {"use_precompiled_headers": False}
     try:
         short.write_text(source.shorter(text), encoding="utf-8")
-        compiled(obj_path, str(short), *args, **more)
+        compiled(obj_path, str(short), **more | headers)
     except OSError:
         raise
     except Exception:
-        compiled(obj_path, cpp_path, *args, **more)
+        compiled(obj_path, cpp_path, **more)
     finally:
         short.unlink(missing_ok=True)
