@@ -1,9 +1,9 @@
 """Warp's header without adjoints, for modules that have no backward pass.
 
 Clang reads 45,000 lines of header for each module, and most of its time (0.9 CPU-s) goes into adjoints that macros make for
-each type: `adj_smoothstep` alone resolves hundreds of overloads. Without them it takes 0.3, without tiles, volumes, textures and
-noise, where a module has none, 0.2. What is left out is found in the text of the installed Warp: functions whose name begins with
-`adj_`, but for those of atomics, which others use, and whole files.
+each type: `adj_smoothstep` alone resolves hundreds of overloads. Without them it takes 0.3, without tiles, volumes, textures
+and noise, where a module has none, 0.2. What is left out is found in the text of the installed Warp: functions whose name
+begins with `adj_`, but for those of atomics, which others use, and whole files.
 """
 
 import re
@@ -15,11 +15,11 @@ import warp as wp
 NATIVE = Path(wp.__file__).parent / "native"
 INCLUDES = '#include "builtin.h"\n#include "deterministic.h"\n'
 INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"')
-ADJOINT = re.compile(r"(?:template\s*<[^{};()]*>[\s\\]*)?(?:(?:inline|static|CUDA_CALLABLE|CUDA_CALLABLE_DEVICE|WP_NOINLINE)[\s\\]+)+"
-                     r"void[\s\\]+adj_(?!atomic)\w+[\s\\]*\(")
+ADJOINT = re.compile(r"(?:template\s*<[^{};()]*>[\s\\]*)?"
+                     r"(?:(?:inline|static|CUDA_CALLABLE|CUDA_CALLABLE_DEVICE|WP_NOINLINE)[\s\\]+)+void[\s\\]+adj_(?!atomic)\w+[\s\\]*\(")
 # rooms of the header that stand by themselves, and the words of a module that needs them
-ROOMS = {"tile": re.compile(r"tile|(?<!#define )builtin_block_dim"), "noise": re.compile("noise"), "texture": re.compile("texture"),
-         "volume": re.compile("volume_|Volume|nanovdb"), "matnn": re.compile("dense_")}
+ROOMS = {"tile": re.compile(r"tile|(?<!#define )builtin_block_dim"), "noise": re.compile("noise"),
+         "texture": re.compile("texture"), "volume": re.compile("volume_|Volume|nanovdb"), "matnn": re.compile("dense_")}
 STORAGE = """    wp::tile_shared_storage_t tile_mem;
 #if defined(WP_ENABLE_TILES_IN_STACK_MEMORY)
     wp::shared_tile_storage = &tile_mem;

@@ -1,8 +1,8 @@
 """C++ that Warp generates for a CPU, rewritten so that the compiler takes less time for the same bits.
 
     by reference     Warp hands structs and arrays to functions by value, and some structs have hundreds of fields. What a
-                     function only reads is handed over by reference: one that stands by itself (`wp.func(inline=False)`) then costs a
-                     call, and no copy; and what is put into others is simplified without copies
+                     function only reads is handed over by reference: one that stands by itself (`wp.func(inline=False)`) then
+                     costs a call, and no copy
     no adjoints      a module without a backward pass has none, and Warp's header none (`wsim.model.compiler.header`)
 
 Both are decided function by function from the text alone; what does not look as expected stays as it is. Letting all functions
