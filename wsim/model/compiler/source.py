@@ -17,6 +17,7 @@ from wsim.model.compiler import header
 BACKWARD = "_cpu_backward("
 HEAD = re.compile(r"^static ((?:WP_\w+ )?)([^\n(]+ )(\w+)\(\n((?:    [^\n]*\n)+)\{\n", re.M)
 END = "\n}\n"
+OUTWARD = re.compile("^CUDA_CALLABLE ", re.M)       # sums of structs, which are compiled whether or not they are called
 STRUCT = re.compile(r"^struct (\w+)\n?\s*\{", re.M)
 PARAMETER = re.compile(r"^    (\w+|wp::array_t<[\w:<>, ]+>) (var_\w+)(?=,$|\)$)", re.M)
 ARGUMENT = re.compile(r"^    (\w+) (var_\w+)(?= = _wp_args->\w+;$)", re.M)
@@ -31,8 +32,9 @@ LOAD = re.compile(r"\s*var_\w+ = wp::load\((var_\w+)\);|\s*[\w:<>, ]+\* (var_\w+
 
 def shorter(text: str) -> str:
     """The source of a module, rewritten."""
-    if BACKWARD not in text:
-        text = header.within(header.without_adjoints(text))
+    forward = BACKWARD not in text
+    if forward:
+        text = OUTWARD.sub("inline CUDA_CALLABLE ", header.without_adjoints(text))
     structs = {name for name in STRUCT.findall(text) if not name.startswith("wp_args")}
     parts, at = [], 0
     for head in HEAD.finditer(text):
@@ -41,7 +43,8 @@ def shorter(text: str) -> str:
             continue
         parts += [text[at:head.start()], _function(head, text[head.end():end], structs)]
         at = end
-    return "".join([*parts, text[at:]])
+    text = "".join([*parts, text[at:]])
+    return header.within(text) if forward else text
 
 
 def _function(head: re.Match, body: str, structs: set[str]) -> str:
