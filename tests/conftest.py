@@ -43,8 +43,9 @@ def compiling():
     """A process of the tests makes hundreds of modules, so that they are compiled as is soonest done. Kernels land under other
     hashes than those of a simulation, and do the same to the last bit.
 
-    header    Warp's precompiled header: each module after the first is 1.5 s cheaper. A simulation does without: for the one
-              or two modules of a user's process it costs more than it saves.
+    header    Warp's precompiled header, of modules with a backward pass: each after the first is 1.5 s cheaper. Others have a
+              header of their own (`wsim.model.compiler.header`). A simulation does without: for the one or two modules of a
+              user's process it costs more than it saves.
     strides   Warp compiles most kernels for a CPU twice, the second time for arrays without gaps. `wsim.model.variants` leaves
               that out of the modules of a simulation, and this of those that tests make.
     """

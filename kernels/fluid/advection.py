@@ -159,7 +159,7 @@ def carried(dim: int, axis: int, scheme: str, clamped: bool, real):
     t, S, f, gone = types(real), structs(real), functions(dim, real), left(real)
     cubic = scheme == "cubic"
 
-    @wp.func
+    @wp.func(inline=False)
     def carried(g: S.Grid, q: wp.array(dtype=real), X: t.vec3):
         shape = wp.vec3i(g.n[0], g.n[1], g.n[2])
         if wp.static(axis >= 0):

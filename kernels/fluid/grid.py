@@ -256,7 +256,7 @@ def functions(dim: int, real) -> SimpleNamespace:
             half[axis] = real(0.0)
         return half
 
-    @wp.func
+    @wp.func(inline=False)
     def velocity(g: S.Grid, u: S.Faces, x: t.vec3):
         """At a place, [m/s]."""
         v = t.vec3()

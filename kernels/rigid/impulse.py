@@ -55,7 +55,7 @@ def formulas(real):
         T_a: t.vec3
         T_b: t.vec3
 
-    @wp.func
+    @wp.func(inline=False)
     def bodies(m: int, rig: Rig):
         n = rig.b.w.shape[0]
         two = Two()
@@ -80,7 +80,7 @@ def formulas(real):
             x += rig.still.x[k * rig.still.moving, f - n]
         return x
 
-    @wp.func
+    @wp.func(inline=False)
     def prepare(m: int, k: int, rig: Rig):
         """Arms, gaps and responses of the points of a manifold, as bodies are."""
         count = rig.c.count[m]
@@ -126,7 +126,7 @@ def formulas(real):
                             A[i, e] = w + wp.dot(turn_a[e], S) + wp.dot(turn_b[e], Z)
             rig.work.A[m] = A
 
-    @wp.func
+    @wp.func(inline=False)
     def begun(m: int, k: int, rig: Rig):
         """Velocities of the bodies of a manifold."""
         n = rig.b.w.shape[0]
@@ -163,7 +163,7 @@ def formulas(real):
         """After an impulse P on A at point j, and -P on B."""
         return shoved(two, P, wp.cross(rig.work.r_a[j], P), wp.cross(rig.work.r_b[j], P))
 
-    @wp.func
+    @wp.func(inline=False)
     def ended(two: Two, rig: Rig):
         n = rig.b.w.shape[0]
         f = two.f
@@ -183,7 +183,7 @@ def formulas(real):
         """u of point j."""
         return two.v_a + wp.cross(two.o_a, rig.work.r_a[j]) - two.v_b - wp.cross(two.o_b, rig.work.r_b[j])
 
-    @wp.func
+    @wp.func(inline=False)
     def rubbed(before: t.vec3, u: t.vec3, n: t.vec3, K: t.vec3, push: real, mu: t.vec2):
         """Impulse across n that stops the slip, or all that friction has; before: what there is of it. K: 11, 12, 22 of the
         response along the tangents of n. Where it slips, the step is that of the larger principal response: a longer one may

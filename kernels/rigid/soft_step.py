@@ -65,7 +65,7 @@ def sweeps(real):
     Two, _, begun, shoved, pushed, ended, slip, rubbed = formulas(real)
     together, goal = impulses(real), goals(real)
 
-    @wp.func
+    @wp.func(inline=False)
     def warm(m: int, k: int, rig: Rig):
         if rig.c.count[m] > 0:
             two = begun(m, k, rig)
@@ -83,7 +83,7 @@ def sweeps(real):
                 T_b += wp.cross(rig.work.r_b[j], one)
             ended(shoved(two, P, T_a, T_b), rig)
 
-    @wp.func
+    @wp.func(inline=False)
     def along(two: Two, m: int, count: int, h: real, biased: int, rig: Rig):
         """After the impulses along the normal, of all points together."""
         n = rig.c.n[m]
@@ -114,7 +114,7 @@ def sweeps(real):
                 T_b += wp.cross(rig.work.r_b[4 * m + i], more[i] * n)
         return shoved(two, P, T_a, T_b)
 
-    @wp.func
+    @wp.func(inline=False)
     def solve(m: int, k: int, h: real, biased: int, rig: Rig):
         count = rig.c.count[m]
         if count > 0:
@@ -147,7 +147,7 @@ def body_steps(real):
     def turned(f: int, k: int, rig: Rig):
         rig.work.turn[f] = matrix(rig.still.q[k * rig.still.moving, f - rig.b.w.shape[0]])
 
-    @wp.func
+    @wp.func(inline=False)
     def forces(i: int, h: real, rig: Rig):
         rig.work.touched[i] = 0
         if rig.work.asleep[i] == 0:
@@ -156,7 +156,7 @@ def body_steps(real):
             rig.now.p[i] = kicked(rig.now.p[i], rig.b.push[i], rig.b.drag[i], h)
             rig.now.L[i] = kicked(rig.now.L[i], rig.b.torque[i], rig.b.spin_drag[i], h)
 
-    @wp.func
+    @wp.func(inline=False)
     def place(i: int, h: real, rig: Rig):
         if rig.work.asleep[i] == 0:
             p = rig.now.p[i]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.model import variants
+from wsim.model.compiler import variants
 from wsim.physics.cloth.kinds import stored as cloth
 from wsim.physics.contact import Bodies, Contacts, depth
 from wsim.physics.soft import stored as soft
@@ -128,6 +128,21 @@ def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(sc
     assert len(sources) == (2 if scene == "cape" else 1)             # substeps in one launch have a module of their own
     for text in (source.read_text() for source in sources):
         assert "cpu_forward_tasks<false>" in text and "cpu_forward_tasks<true>" not in text
+
+
+FIRST = """
+import sys
+from wsim.simulation.simulation import Simulation
+sim = Simulation(sys.argv[1], device="cpu")
+sim.step()
+"""
+
+
+def test_a_first_frame_compiles_one_module_though_half_of_its_stretches_launch_nothing(tmp_path):
+    """Frames without contacts launch no correction: what is launched in one with the others is not compiled by itself."""
+    subprocess.run([sys.executable, "-c", FIRST, str(ROOT / "scenes" / "bear.usda")], cwd=ROOT, check=True,
+                   capture_output=True, env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
+    assert len(list(tmp_path.rglob("*.cpp"))) == 1
 
 
 def test_warp_still_asks_whether_a_kernel_may_have_two_variants():

@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.model import variants
+from wsim.model.compiler import variants
 from wsim.scene import Problem, SceneError
 
 RECORD = "wsim.json"     # {file: digest} of a module's folder

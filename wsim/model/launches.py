@@ -96,7 +96,8 @@ class Launches:
         from wsim.kernels.math.block import BLOCK
         from wsim.model import kernel_cache
         cuda = self.device.is_cuda
-        kernel_cache.load(self.module, self.device, self.block if cuda else None)
+        if wp.get_module(self.module).kernels:                 # rods alone have theirs in modules of their own
+            kernel_cache.load(self.module, self.device, self.block if cuda else None)
         if cuda and wp.get_module(self.sweep_module).kernels:
             kernel_cache.load(self.sweep_module, self.device, BLOCK)
         for name, threads in self.modules.items():

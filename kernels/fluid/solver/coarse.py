@@ -38,7 +38,7 @@ def coarse(dim: int, fractions: bool | int, sweeps: int, coarsest: int, real, mo
     sealed: the mean of the coarsest b is taken off, or no x has that residual."""
     Rung, p, f = rungs(real), passes(dim, fractions, real), functions(dim, real)
 
-    @wp.func
+    @wp.func(inline=False)
     def sweep(t: int, r: Rung, color: int, fresh: bool):
         last = r.level.n[wp.static(dim - 1)]
         half = r.x.shape[0] // last * ((last + 1) // 2)
@@ -51,7 +51,7 @@ def coarse(dim: int, fractions: bool | int, sweeps: int, coarsest: int, real, mo
                     r.x[flat(i, r.level.n)] = p.swept(r.level, r.b, r.x, i)
         meet()
 
-    @wp.func
+    @wp.func(inline=False)
     def even(t: int, r: Rung):
         sum = wp.float64(0.0)
         count = wp.float64(0.0)

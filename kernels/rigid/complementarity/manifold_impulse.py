@@ -23,7 +23,7 @@ def impulses(real):
     """Function: P - P_0 (vec4) of rows that act; others have 0."""
     t = types(real)
 
-    @wp.func
+    @wp.func(inline=False)
     def solved(M: t.mat44, r: t.vec4):
         """x with M x = r, by L D L^T."""
         one = real(1.0)
@@ -60,7 +60,7 @@ def impulses(real):
                 found[i] = 0
         return found
 
-    @wp.func
+    @wp.func(inline=False)
     def with_held(M: t.mat44, r: t.vec4, before: t.vec4, held: wp.vec4i):
         N = M
         s = r
@@ -76,7 +76,7 @@ def impulses(real):
                 s[i] = -before[i]
         return solved(N, s)
 
-    @wp.func
+    @wp.func(inline=False)
     def pivoted(M: t.mat44, r: t.vec4, before: t.vec4, guess: wp.vec4i):
         held = guess
         x = t.vec4()
@@ -97,7 +97,7 @@ def impulses(real):
                     x[i] = wp.max(x[i] + (r[i] - wp.dot(M[i], x)) / M[i, i], -before[i])
         return x
 
-    @wp.func
+    @wp.func(inline=False)
     def impulses(A: t.mat44, before: t.vec4, wanted: t.vec4, soft: t.vec4, near: t.vec4, acts: wp.vec4i):
         M = A
         r = wanted

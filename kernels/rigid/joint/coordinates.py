@@ -65,7 +65,7 @@ def swing_twist(q: wp.quatd):
     return wp.vec3d(phi, s[1], s[2]), swing
 
 
-@wp.func
+@wp.func(inline=False)
 def rates(s: wp.vec3d, swing: wp.quatd):
     """M^-1 of a swing (0, s_y, s_z)."""
     one = wp.float64(1.0)
@@ -100,7 +100,7 @@ def along(to: wp.vec3d, A: wp.mat33d):
     return n
 
 
-@wp.func
+@wp.func(inline=False)
 def place_of(e: Ends, form: int, cone: wp.vec2d):
     """The `Place` of both frames; cone: 1 / c_y, 1 / c_z."""
     zero = wp.float64(0.0)

@@ -84,7 +84,7 @@ def factor(first: int, last: int, J: Linked):
                         J.block[to + 6 * r + c] = J.block[to + 6 * r + c] - v
 
 
-@wp.func
+@wp.func(inline=False)
 def solved(first: int, last: int, J: Linked):
     """rhs <- A^-1 rhs."""
     six = int(6)

@@ -7,7 +7,7 @@ from wsim.kernels.rigid.joint.elimination import Linked, factor, mat66d, product
 from wsim.kernels.rigid.joint.rows import both
 
 
-@wp.func
+@wp.func(inline=False)
 def ends_of(j: int, k: int, J: Linked):
     """Frames of a joint with bodies as they are in J; of anchors those of row k."""
     e = Ends()
@@ -33,7 +33,7 @@ def ends_of(j: int, k: int, J: Linked):
     return e
 
 
-@wp.func
+@wp.func(inline=False)
 def shared(k: int, i: int, J: Linked):
     """A_ki of two joints, by the bodies of both."""
     A = mat66d()
@@ -61,7 +61,7 @@ def factored(first: int, last: int, J: Linked):
     factor(first, last, J)
 
 
-@wp.func
+@wp.func(inline=False)
 def lined(j: int, k: int, J: Linked):
     """Coordinates of a joint now, its rows and arms."""
     e = ends_of(j, k, J)

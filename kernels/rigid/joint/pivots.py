@@ -45,7 +45,7 @@ def pushed(j: int, r: int, h: wp.float64, J: Linked):
     return wp.clamp(p, -most, most), piece
 
 
-@wp.func
+@wp.func(inline=False)
 def fitting(j: int, r: int, driving: int, h: wp.float64, J: Linked):
     """The piece of a row that fits the solution."""
     acts = J.active[j, r]
@@ -89,7 +89,7 @@ def known(j: int, r: int, h: wp.float64, J: Linked):
     return z
 
 
-@wp.func
+@wp.func(inline=False)
 def moved(g: int, J: Linked):
     """P and T: impulses on the bodies of an island of those in rhs."""
     for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
@@ -108,7 +108,7 @@ def moved(g: int, J: Linked):
             J.T[b] = J.T[b] + wp.cross(J.r_b[j], P) + T
 
 
-@wp.func
+@wp.func(inline=False)
 def changed(g: int, J: Linked):
     """change: A times rhs, by way of the bodies."""
     moved(g, J)
@@ -133,7 +133,7 @@ def changed(g: int, J: Linked):
             J.change[j, 3 + r] = omega[r]
 
 
-@wp.func
+@wp.func(inline=False)
 def equations(g: int, h: wp.float64, J: Linked):
     """Right sides of what acts; rhs of other rows is what they add."""
     six = int(6)
@@ -159,7 +159,7 @@ def equations(g: int, h: wp.float64, J: Linked):
                 J.rhs[j, r] = asks
 
 
-@wp.func
+@wp.func(inline=False)
 def judged(g: int, driving: int, h: wp.float64, J: Linked):
     """`next` of all rows; how many were wrong."""
     six = int(6)
@@ -193,7 +193,7 @@ def one_alone(g: int, J: Linked):
             found = 1
 
 
-@wp.func
+@wp.func(inline=False)
 def borne(j: int, r: int, driving: int, h: wp.float64, J: Linked):
     """Impulse of row r that a solution adds, within what it may give; the sums are noted."""
     acts = J.active[j, r]

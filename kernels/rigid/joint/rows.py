@@ -62,7 +62,7 @@ def effective(j: int, given: mat66d, J: Linked):
     return A
 
 
-@wp.func
+@wp.func(inline=False)
 def drive(j: int, s: int, h: wp.float64, J: Linked):
     """Gamma and bias of the driven rows of a joint, as it is, for substep s."""
     six = int(6)
@@ -109,7 +109,7 @@ def ranged(j: int, r: int, h: wp.float64, then: wp.float64, J: Linked):
     J.over[j, r] = (then - high - wp.max(left(now - high, r, h), wp.float64(0.0))) / h
 
 
-@wp.func
+@wp.func(inline=False)
 def wanted(j: int, r: int, h: wp.float64, then: wp.float64, rate: wp.float64, J: Linked):
     """Sets what row r asks for in a sweep; what acts, by a first guess. then: its coordinate at the end of the substep."""
     kind = J.t.kind[j, r]
@@ -141,7 +141,7 @@ def wanted(j: int, r: int, h: wp.float64, then: wp.float64, rate: wp.float64, J:
     return NONE
 
 
-@wp.func
+@wp.func(inline=False)
 def relaxed(j: int, r: int, rate: wp.float64, J: Linked):
     """As `wanted`, behind the places."""
     kind = J.t.kind[j, r]

@@ -69,7 +69,7 @@ def functions(real):
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             lined(j, k, J)
 
-    @wp.func
+    @wp.func(inline=False)
     def then(g: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
         """X and Q where the velocities lead to, as `place` will have it. Where one body rests in contact, all of them do."""
         rests = int(0)
@@ -88,7 +88,7 @@ def functions(real):
             J.X[i] = double3(now.x[i]) + double3(now.e[i]) + h * J.t.w[i] * p
             J.Q[i] = free_rotation(double(now.q[i], now.o[i]), L, double3(b.inverse[i]), h)
 
-    @wp.func
+    @wp.func(inline=False)
     def rate_of(j: int, k: int, placing: wp.float64, now: Moving, J: Linked):
         """Velocity at the joint and angular velocity, of b against a; placing 1: of the momenta that bodies are placed by."""
         row = k * J.t.moving
@@ -118,7 +118,7 @@ def functions(real):
             omega = omega - J.t.anchor_o[row, j]
         return u, omega
 
-    @wp.func
+    @wp.func(inline=False)
     def given(g: int, driving: int, h: wp.float64, now: Moving, J: Linked):
         """Impulses that fit all rows, on the bodies of an island."""
         settled(g, driving, h, J)
@@ -139,7 +139,7 @@ def functions(real):
                 J.active[j, r] = -1
             drive(j, k, h, J)
 
-    @wp.func
+    @wp.func(inline=False)
     def fast(j: int, h: wp.float64, now: Moving, J: Linked):
         """Part of what is not linear in a step that is believed: 1 below FAST, 0 above twice that."""
         spin = wp.float64(0.0)
@@ -149,7 +149,7 @@ def functions(real):
             spin = wp.max(spin, wp.length(J.S[J.t.b[j]] * double3(now.L[J.t.b[j]])))
         return wp.clamp(wp.float64(2.0) - h * spin / FAST, wp.float64(0.0), wp.float64(1.0))
 
-    @wp.func
+    @wp.func(inline=False)
     def asked(j: int, k: int, h: wp.float64, now: Moving, J: Linked):
         """Wants of the rows of a joint, and a first guess of which act."""
         at = place_of(ends_of(j, k + 1, J), J.t.form[j], J.t.cone[j])
@@ -177,7 +177,7 @@ def functions(real):
             asked(j, k, h, now, J)
         given(g, 1, h, now, J)
 
-    @wp.func
+    @wp.func(inline=False)
     def relax(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
         three = int(3)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
@@ -205,7 +205,7 @@ def functions(real):
         now.L[i] = L
         J.touched[i] = 0
 
-    @wp.func
+    @wp.func(inline=False)
     def place(i: int, h: real, b: Bodies, now: Moving, J: Linked):
         """Where a body is behind the substep."""
         p = double3(now.p[i])

@@ -150,7 +150,7 @@ def reduction(real, outer: bool = False):
                     best = i
         return best
 
-    @wp.func
+    @wp.func(inline=False)
     def reduce(n: t.vec3, x: wp.array(dtype=t.vec3), gap: wp.array(dtype=real), key: wp.array(dtype=int), count: int,
                size: real):
         chosen = wp.vec4i(0, 1, 2, 3)

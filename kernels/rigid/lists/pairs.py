@@ -129,7 +129,7 @@ def listed(real, module, filtered: bool = False):
     filtered: less those that do not touch."""
     Rig, Tree, parted = whole(real), trees(filtered), parting(filtered)
 
-    @wp.func
+    @wp.func(inline=False)
     def above(i: int, j: int, tree: Tree, rig: Rig):
         """Whether shape i is near enough to plane j; one that moves may turn."""
         d = rig.work.center[i] - rig.work.center[j]
@@ -138,7 +138,7 @@ def listed(real, module, filtered: bool = False):
         more = rig.work.span[i][0] + rig.work.span[i][1] + rig.work.span[j][1] + real(ROUNDED) * real(wp.length(d))
         return rig.still.moving == 1 or real(height) < more
 
-    @wp.func
+    @wp.func(inline=False)
     def near(i: int, j: int, tree: Tree, rig: Rig):
         bodies = rig.b.w.shape[0]
         fi = rig.s.frame[i]

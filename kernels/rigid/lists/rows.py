@@ -92,7 +92,7 @@ def posing(real):
             q = rig.still.q[k * rig.still.moving, f - bodies]
         return t.transform(x, q)
 
-    @wp.func
+    @wp.func(inline=False)
     def posed(m: int, k: int, rig: Rig):
         a = rig.c.a[m]
         b = rig.c.b[m]
@@ -122,7 +122,7 @@ def writing(real) -> SimpleNamespace:
     rig): point i of row m, whose normal and key are there."""
     t, Rig, Last, Posed = types(real), whole(real), lasts(real), posing(real)[0]
 
-    @wp.func
+    @wp.func(inline=False)
     def known(m: int, last: Last, rig: Rig):
         a = rig.c.a[m]
         b = rig.c.b[m]
@@ -144,7 +144,7 @@ def writing(real) -> SimpleNamespace:
                 row = low
         return row
 
-    @wp.func
+    @wp.func(inline=False)
     def recalled(m: int, j: int, row: int, last: Last, rig: Rig):
         """Impulses of point j of row m, as the pair's rows of the last list have them."""
         rig.c.push[j] = real(0.0)

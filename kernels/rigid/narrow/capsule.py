@@ -156,7 +156,7 @@ def box_capsule(real):
                     best = L
         return least, best
 
-    @wp.func
+    @wp.func(inline=False)
     def middle(half: vec3, p: vec3, d: vec3):
         """Middle of what of the segment is in the box."""
         low = real(-1.0)

@@ -66,7 +66,7 @@ def cutting(real):
             n = -wp.normalize(e)
         return n
 
-    @wp.func
+    @wp.func(inline=False)
     def half(P: vec3s, key: ints, edge: ints, room: wp.vec4i, q: vec3, n: vec3, slack: real):
         """One cut. room: (first corner read, first written, corners, side) -> corners left."""
         left = int(0)
@@ -102,7 +102,7 @@ def cutting(real):
                 first = other
         return first, left
 
-    @wp.func
+    @wp.func(inline=False)
     def segment(Q: vec3s, count: int, f: vec3, P: vec3s, key: ints, slack: real):
         low = real(0.0)
         high = real(1.0)
@@ -174,7 +174,7 @@ def contact(real, corners: int, outer: bool = False):
     single, _flipped, _turned = making(real)
     reduce, most = reduction(real, outer), 2 * corners
 
-    @wp.func
+    @wp.func(inline=False)
     def clipped(Q: vec3s, ref: Side, P: vec3s, other: Side, flip: int, margin: real, size: real):
         key = wp.zeros(shape=(wp.static(2 * most),), dtype=int)
         edge = wp.zeros(shape=(wp.static(2 * most),), dtype=int)
@@ -200,7 +200,7 @@ def contact(real, corners: int, outer: bool = False):
         return (wp.length(wp.cross(u, v)) < real(PARALLEL) and wp.abs(wp.dot(u, n)) < real(PARALLEL)
                 and a.count == 2 and b.count == 2)
 
-    @wp.func
+    @wp.func(inline=False)
     def reference(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, size: real):
         """0: the face or the segment of A, 1: the face of B, -1: none touches flat."""
         low = near.gap - real(BIAS) * size

@@ -22,7 +22,7 @@ def flat_faces(real):
     """(box, hull, triangle): functions (shape, hulls, d, P_out) -> (count, number, outward unit normal)."""
     t, Shape, Hulls = types(real), shape(real), hulls(real)
 
-    @wp.func
+    @wp.func(inline=False)
     def box(s: Shape, d: t.vec3, P: wp.array(dtype=t.vec3)):
         k = int(wp.argmax(wp.abs(d)))
         i = (k + 1) % 3

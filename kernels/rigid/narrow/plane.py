@@ -22,7 +22,7 @@ def plane(kinds: frozenset[str], real, corners: int):
     single, _flipped, _turned = making(real)
     vec3 = t.vec3
 
-    @wp.func
+    @wp.func(inline=False)
     def plane(b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
         P = wp.zeros(shape=(corners,), dtype=vec3)
         gap = wp.zeros(shape=(corners,), dtype=real)

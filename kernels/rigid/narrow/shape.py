@@ -139,7 +139,7 @@ def extent(real):
             r = s.size[0]
         return r
 
-    @wp.func
+    @wp.func(inline=False)
     def size(s: Shape, H: Hulls):
         r = s.size[0]
         if s.kind == BOX:

@@ -97,7 +97,7 @@ class Fuser:
             self.within |= {op.kernel for op in steps[a] if found}
             self.model.recorder.ops += [op for k, step in enumerate(steps) if not (found and a <= k < b) for op in step]
             return
-        if not found:
+        if not found and any(steps):
             self.ready()
         for step in steps[:a]:
             _launch(step)

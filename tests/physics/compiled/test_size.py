@@ -13,7 +13,7 @@ from wsim.kernels.rigid.complementarity.converged import converged
 from wsim.kernels.rigid.joint.passes import linked
 from wsim.kernels.rigid.narrow.epa import penetration
 from wsim.kernels.rigid.passes import substeps
-from wsim.model import variants
+from wsim.model.compiler import variants
 
 PASSES = {"prepare", "warm", "thrown", "begun", "ended", "placed"}
 OF = {substeps: PASSES | {"solve"}, converged: PASSES | {"solved"},

@@ -1,0 +1,115 @@
+"""Source that is rewritten before it is compiled: what is read alone goes by reference, and adjoints are left out."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+
+from wsim.model import kernel_cache
+from wsim.model.compiler import header, source, variants
+
+
+@wp.struct
+class Pair:
+    a: wp.array(dtype=float)
+    b: float
+
+
+@wp.struct
+class Both:
+    pair: Pair
+    count: int
+
+
+@wp.func
+def read(both: Both, i: int):
+    return both.pair.a[i] * both.pair.b
+
+
+@wp.func(inline=False)
+def changed(pair: Pair, i: int):
+    pair.b = pair.b + 1.0
+    return pair.a[i] * pair.b
+
+
+@wp.func(inline=False)
+def replaced(pair: Pair, other: Pair, i: int):
+    if i > 0:
+        pair = other
+    return pair.b
+
+
+@wp.func
+def written(values: wp.array(dtype=float), i: int, x: float):
+    values[i] = x
+
+
+@wp.kernel(module="compiled_source", enable_backward=False)
+def work(both: Both, out: wp.array(dtype=float)):
+    i = wp.tid()
+    pair = both.pair
+    other = both.pair
+    other.b = 100.0
+    first = changed(pair, i)
+    second = changed(pair, i)
+    written(out, i, read(both, i) + 10.0 * first + 1000.0 * second + 1.0e6 * replaced(pair, other, i) + pair.b)
+
+
+def generated() -> str:
+    """Source that Warp made of the module for a CPU."""
+    kernel_cache.load("compiled_source", kernel_cache.device("cpu"))
+    folder = Path(wp.config.kernel_cache_dir, wp.get_module("compiled_source").get_module_identifier(1))
+    (made,) = folder.glob("*.cpp")
+    return made.read_text()
+
+
+def parameters(text: str, function: str) -> str:
+    return re.search(rf"^static [^\n(]*\b\w*{function}_\d\(\n((?:    [^\n]*\n)+?)\{{", text, re.M)[1]
+
+
+def test_what_a_function_changes_is_its_own():
+    """The caller's struct stays as it was: 3 = 1 * 2 + 1 in both calls, and b is 2 behind them."""
+    both = Both()
+    both.pair.a, both.pair.b, both.count = wp.array([1.0, 2.0], dtype=float, device="cpu"), 2.0, 7
+    out = wp.zeros(2, dtype=float, device="cpu")
+    kernel_cache.load("compiled_source", kernel_cache.device("cpu"))
+    wp.launch(work, 2, [both], [out], device="cpu")
+    a = np.array([1.0, 2.0])
+    assert out.numpy() == pytest.approx(2.0 * a + 1010.0 * 3.0 * a + 1.0e6 * np.array([2.0, 100.0]) + 2.0, rel=1e-6)
+
+
+def test_what_is_only_read_goes_by_reference_and_nothing_else():
+    text = source.shorter(generated())
+    assert " & var_both" in parameters(text, "read") and " & var_values" in parameters(text, "written")
+    assert " & var_" not in parameters(text, "changed")
+    assert " & var_pair" not in parameters(text, "replaced")
+
+
+def test_a_module_without_a_backward_pass_has_no_adjoints_and_warps_header_none():
+    text = generated()
+    assert header.INCLUDES in text and "adj_" in text
+    short = source.shorter(text)
+    assert "#include" not in short.partition("builtin_tid1d")[2] and header.INCLUDES not in short
+    assert not re.findall(r"\bvoid adj_(?!atomic)\w+\(", short)
+
+
+def test_the_header_keeps_all_functions_but_adjoints():
+    whole = "".join(path.read_text() for path in header.NATIVE.glob("*.h") if path.name in ("vec.h", "mat.h", "quat.h"))
+    names = set(re.findall(r"^inline CUDA_CALLABLE [^\n]*?(\w+)\(", whole, re.M)) - set(re.findall(r"\badj_\w+", whole))
+    assert len(names) > 40 and all(re.search(rf"\b{name}\(", header.lean()) for name in names)
+
+
+def test_what_does_not_compile_rewritten_is_compiled_as_it_was(monkeypatch, tmp_path):
+    seen = []
+
+    def compiled(obj_path, cpp_path, **more):
+        seen.append((cpp_path, more["use_precompiled_headers"]))
+        if len(seen) == 1:
+            raise RuntimeError("no")
+    given = tmp_path / "module.cpp"
+    given.write_text(header.INCLUDES)
+    variants.rewritten(compiled, "module.o", str(given), use_precompiled_headers=True)
+    assert seen[0][0] != str(given) and seen[1] == (str(given), True)
+    assert list(tmp_path.iterdir()) == [given] and given.read_text() == header.INCLUDES

@@ -1,0 +1,81 @@
+"""Warp's header without adjoints, for modules that have no backward pass.
+
+Clang reads 45,000 lines of header for each module, and most of its time (0.9 CPU-s) goes into adjoints that macros make for
+each type: `adj_smoothstep` alone resolves hundreds of overloads. Without them it takes 0.3, without tiles, volumes, textures
+and noise, where a module has none, 0.2. What is left out is found in the text of the installed Warp: functions whose name
+begins with `adj_`, but for those of atomics, which others use, and whole files.
+"""
+
+import re
+from functools import cache
+from pathlib import Path
+
+import warp as wp
+
+NATIVE = Path(wp.__file__).parent / "native"
+INCLUDES = '#include "builtin.h"\n#include "deterministic.h"\n'
+INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"')
+ADJOINT = re.compile(r"(?:template\s*<[^{};()]*>[\s\\]*)?"
+                     r"(?:(?:inline|static|CUDA_CALLABLE|CUDA_CALLABLE_DEVICE|WP_NOINLINE)[\s\\]+)+void[\s\\]+adj_(?!atomic)\w+[\s\\]*\(")
+# rooms of the header that stand by themselves, and the words of a module that needs them
+ROOMS = {"tile": re.compile(r"tile|(?<!#define )builtin_block_dim"), "noise": re.compile("noise"),
+         "texture": re.compile("texture"), "volume": re.compile("volume_|Volume|nanovdb"), "matnn": re.compile("dense_")}
+STORAGE = """    wp::tile_shared_storage_t tile_mem;
+#if defined(WP_ENABLE_TILES_IN_STACK_MEMORY)
+    wp::shared_tile_storage = &tile_mem;
+#endif
+"""                              # of tiles, in each kernel
+NEXT = re.compile(r"[\s\\]*(.)", re.S)
+PAIRS = {"(": re.compile(r"[()]"), "{": re.compile(r"[{}]")}
+
+
+def within(text: str) -> str:
+    """The source of a module with the header put in where it is included; as it is, where it is included otherwise."""
+    bare = text.replace(STORAGE, "")
+    left = frozenset(room for room, words in ROOMS.items() if not words.search(bare))
+    return (bare if "tile" in left else text).replace(INCLUDES, lean(left), 1)
+
+
+@cache
+def lean(left: frozenset[str] = frozenset()) -> str:
+    """Text of Warp's header and of all that it includes, without adjoints and without the rooms that are `left` out."""
+    lines: list[str] = []
+    _read(INCLUDES.splitlines(), {path.name for room in left for path in NATIVE.glob(f"{room}*.h")}, lines)
+    return without_adjoints("\n".join(lines)) + "\n"
+
+
+def _read(given: list[str], seen: set[str], lines: list[str]) -> None:
+    """Lines with each header in the place where it is first included."""
+    for line in given:
+        found = INCLUDE.match(line)
+        if found and (NATIVE / found[1]).is_file():
+            if found[1] not in seen:
+                seen.add(found[1])
+                _read((NATIVE / found[1]).read_text(encoding="utf-8").splitlines(), seen, lines)
+        elif line.strip() != "#pragma once":
+            lines.append(line)
+
+
+def without_adjoints(text: str) -> str:
+    """C++ without the functions that are adjoints, also those in macros."""
+    parts, at = [], 0
+    for head in ADJOINT.finditer(text):
+        if head.start() < at:
+            continue
+        end = _closed(text, head.end(), "(")
+        after = NEXT.match(text, end) if end else None
+        end = after.end() if after and after[1] == ";" else _closed(text, after.end(), "{") if after and after[1] == "{" else 0
+        if end:
+            parts.append(text[at:head.start()])
+            at = end
+    return "".join([*parts, text[at:]])
+
+
+def _closed(text: str, at: int, opened: str) -> int:
+    """Place behind the bracket that closes one that was opened before `at`; 0: there is none."""
+    depth = 1
+    for found in PAIRS[opened].finditer(text, at):
+        depth += 1 if found[0] == opened else -1
+        if not depth:
+            return found.end()
+    return 0
