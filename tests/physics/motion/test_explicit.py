@@ -348,3 +348,18 @@ def test_the_kernels_of_implicit_steps_are_not_made():
     sim = Simulation(mass_on_spring(1.0, 0.1, "leapfrog", 1.0), device="cpu")
     names = {k.key for k in wp.get_module(sim.model.module).kernels.values()}
     assert not any("predict" in n or "finish" in n or "project" in n for n in names)
+
+
+def test_limits_leave_the_energy_of_what_is_soft_in_the_report():
+    """That of a cloth with a limit that it never meets is that of one without."""
+    found = []
+    for limit in (10.0, None):
+        scene = Scene(fps=60.0, solver="explicit")
+        points, counts, indices = shapes.sheet(0.5, 0.5, 5, 5)
+        more = {"strain_limit": limit} if limit else {}
+        cloth = scene.cloth("/cloth", points, counts, indices, material=Fabric(stretch=100.0, shear=30.0, **more))
+        scene.pin("/pin", cloth, [0, 5])
+        sim = Simulation(scene, **DOUBLE)
+        sim.run(6)
+        found.append(sim.report(profile=False)["error"]["elastic_energy"])
+    assert found[0] > 1e-3 and found[0] == pytest.approx(found[1], rel=1e-6), found

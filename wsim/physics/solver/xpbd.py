@@ -124,8 +124,10 @@ class Xpbd(Method):
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/xpbd_residual.py (strain,
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
-        for; few constraints are looked at on the host."""
+        for; few constraints are looked at on the host. Beside explicit steps, which have what is soft, nothing."""
         soft = [b for b in self.batches if not b.hard]
+        if not soft:
+            return {}
         looked = any(b.multipliers for b in soft) and not self.clock.integrator.beyond
         module = kernel_cache.report_module(self.model, f"xpbd {looked}", *sorted({f"{b.kind} {b.uniform}" for b in soft}))
         looks = self.residual_kernels(module, False) if looked else []
