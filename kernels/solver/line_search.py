@@ -212,17 +212,19 @@ def left(real, module):
 
 @cache
 def rounded(real, module):
-    """Kernel over bodies times a block of threads: the residual of a body is 0 where none of its points would go on by ROUNDED
-    units of rounding of its place, which is all that is left of one that flies without a force."""
-    t, s, unit = types(real), structs(real), real(ROUNDED * UNIT[real])
+    """Kernel over bodies times a block of threads: the residual of a body without weight is 0 where none of its points has gone
+    d - b by a force, or would go on by what is left, further than ROUNDED units of rounding of its place: it flies."""
+    t, s, Constants, unit = types(real), structs(real), constants(real), real(ROUNDED * UNIT[real])
 
-    def rounded(A: s.Matrix, first: wp.array(dtype=int), f: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                d: wp.array(dtype=t.vec3), part_out: wp.array(dtype=real)):
+    def rounded(c: Constants, A: s.Matrix, first: wp.array(dtype=int), f: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
+                d: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3), part_out: wp.array(dtype=real)):
         body = wp.tid() // wp.block_dim()
         lane = wp.tid() - body * wp.block_dim()
         count = wp.float64(0.0)
         for i in range(first[body] + lane, first[body + 1], wp.block_dim()):
-            if not wp.length(A.P[i] * f[i]) <= unit * (wp.length(x[i]) + wp.length(d[i])):
+            most = unit * (wp.length(x[i]) + wp.length(d[i]))
+            forced = c.w[i] > real(0.0) and not wp.length(d[i] - b[i]) <= most
+            if forced or wp.length_sq(c.gravity[c.object[i]]) > real(0.0) or not wp.length(A.P[i] * f[i]) <= most:
                 count += wp.float64(1.0)
         count = total(count)
         if lane == 0 and count == wp.float64(0.0):

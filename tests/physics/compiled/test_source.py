@@ -41,6 +41,12 @@ def replaced(pair: Pair, other: Pair, i: int):
     return pair.b
 
 
+@wp.func(inline=False)
+def bumped(pair: Pair, same: wp.ref[Pair]):
+    same.b = same.b + 1.0
+    return pair.b
+
+
 @wp.func
 def written(values: wp.array(dtype=float), i: int, x: float):
     values[i] = x
@@ -54,6 +60,10 @@ def work(both: Both, out: wp.array(dtype=float)):
     other.b = 100.0
     first = changed(pair, i)
     second = changed(pair, i)
+    twice = both.pair
+    kept = bumped(twice, twice)
+    if kept != 2.0 or twice.b != 3.0:
+        first = 0.0
     written(out, i, read(both, i) + 10.0 * first + 1000.0 * second + 1.0e6 * replaced(pair, other, i) + pair.b)
 
 
@@ -84,7 +94,7 @@ def test_what_is_only_read_goes_by_reference_and_nothing_else():
     text = source.shorter(generated())
     assert " & var_both" in parameters(text, "read") and " & var_values" in parameters(text, "written")
     assert " & var_" not in parameters(text, "changed")
-    assert " & var_pair" not in parameters(text, "replaced")
+    assert " & var_pair" not in parameters(text, "replaced") and " & var_pair" not in parameters(text, "bumped")
 
 
 def test_a_module_without_a_backward_pass_has_no_adjoints_and_warps_header_none():

@@ -353,10 +353,10 @@ def test_the_kernels_of_implicit_steps_are_not_made():
 def test_limits_leave_the_energy_of_what_is_soft_in_the_report():
     """That of a cloth with a limit that it never meets is that of one without."""
     found = []
-    for limit in (10.0, None):
+    for most in (10.0, None):
         scene = Scene(fps=60.0, solver="explicit")
         points, counts, indices = shapes.sheet(0.5, 0.5, 5, 5)
-        more = {"strain_limit": limit} if limit else {}
+        more = {"strain_limit": most} if most else {}
         cloth = scene.cloth("/cloth", points, counts, indices, material=Fabric(stretch=100.0, shear=30.0, **more))
         scene.pin("/pin", cloth, [0, 5])
         sim = Simulation(scene, **DOUBLE)

@@ -2,7 +2,7 @@
 
     by reference     Warp hands structs and arrays to functions by value, and some structs have hundreds of fields. What a
                      function only reads is handed over by reference: one that stands by itself (`wp.func(inline=False)`) then
-                     costs a call, and no copy
+                     costs a call, and no copy. Not where it is given another of that kind to write, which may be the same
     no adjoints      a module without a backward pass has none, and Warp's header none (`wsim.model.compiler.header`)
 
 Both are decided function by function from the text alone; what does not look as expected stays as it is. Letting all functions
@@ -19,6 +19,7 @@ HEAD = re.compile(r"^static ((?:WP_\w+ )?)([^\n(]+ )(\w+)\(\n((?:    [^\n]*\n)+)
 END = "\n}\n"
 OUTWARD = re.compile("^CUDA_CALLABLE ", re.M)       # sums of structs, which are compiled whether or not they are called
 STRUCT = re.compile(r"^struct (\w+)\n?\s*\{", re.M)
+WRITTEN = re.compile(r"^    (\w+)\* var_\w+", re.M)
 PARAMETER = re.compile(r"^    (\w+|wp::array_t<[\w:<>, ]+>) (var_\w+)(?=,$|\)$)", re.M)
 ARGUMENT = re.compile(r"^    (\w+) (var_\w+)(?= = _wp_args->\w+;$)", re.M)
 WORD = re.compile(r"\bvar_\w+")
@@ -52,7 +53,8 @@ def _function(head: re.Match, body: str, structs: set[str]) -> str:
     word, kind, name, parameters = head.groups()
     kernel = "_wp_args" in parameters
     named = ARGUMENT.findall(body) if kernel else PARAMETER.findall(parameters)
-    read = only_read(body, {var for of, var in named if of in structs or of.startswith("wp::")})
+    written = set(WRITTEN.findall(parameters))
+    read = only_read(body, {var for of, var in named if of in structs - written or of.startswith("wp::")})
 
     def by_reference(found: re.Match) -> str:
         return f"    {found[1]} & {found[2]}" if found[2] in read else found[0]

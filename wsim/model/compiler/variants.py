@@ -2,7 +2,7 @@
 
 Warp 1.19 compiles a second variant of most CPU kernels, for arrays without gaps: a third of the time to compile a scene, the
 same bits, 0 to 5 % of run time. Its configuration has no word for it, so its question whether a kernel may have one is answered
-here, while a module of ours is loaded. Where Warp has no such question, nothing is changed.
+here, while a module of ours is loaded. Where Warp has no such question, or compiles by other names, nothing is changed.
 
 Functions that stand by themselves, `wp.func(inline=False)`, are long ones: those of a pair of bodies and of a contact of
 rigid bodies, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such
@@ -23,29 +23,32 @@ from wsim.model.compiler import source
 
 QUESTION = "cpu_linear_contiguous_specialization_candidate"
 WORDS, APART = "_INLINE_ATTRS", "noinline"
+BUILD = "build_cpu"
 
 
 @contextmanager
 def single(cpu: bool = True) -> Iterator[None]:
     """Modules that are compiled inside have one variant of each kernel; functions stand by themselves on a CPU alone."""
     answer, words = getattr(codegen, QUESTION, None), getattr(codegen, WORDS, None)
-    compiled = build.build_cpu
+    compiled = getattr(build, BUILD, None)
     if answer is not None:
         setattr(codegen, QUESTION, lambda adj, block_dim: False)
     if words is not None and not cpu:
         setattr(codegen, WORDS, {word: code for word, code in words.items() if word != APART})
-    build.build_cpu = partial(rewritten, compiled)
+    if compiled is not None:
+        setattr(build, BUILD, partial(rewritten, compiled))
     try:
         yield
     finally:
-        build.build_cpu = compiled
+        if compiled is not None:
+            setattr(build, BUILD, compiled)
         if answer is not None:
             setattr(codegen, QUESTION, answer)
         if words is not None:
             setattr(codegen, WORDS, words)
 
 
-def rewritten(compiled, obj_path, cpp_path, **more) -> None:
+def rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
     """Compiles what `wsim.model.compiler.source` makes of a module's source; the source itself, where that does not compile."""
     given, short = Path(cpp_path), Path(f"{cpp_path}.{os.getpid()}.cpp")
     text = given.read_text(encoding="utf-8")
@@ -53,10 +56,10 @@ def rewritten(compiled, obj_path, cpp_path, **more) -> None:
     headers = {} if source.BACKWARD in text else {"use_precompiled_headers": False}
     try:
         short.write_text(source.shorter(text), encoding="utf-8")
-        compiled(obj_path, str(short), **more | headers)
+        compiled(obj_path, str(short), *args, **more | headers)
     except OSError:
         raise
     except Exception:
-        compiled(obj_path, cpp_path, **more)
+        compiled(obj_path, cpp_path, *args, **more)
     finally:
         short.unlink(missing_ok=True)
