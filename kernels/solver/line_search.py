@@ -27,7 +27,7 @@ from wsim.kernels.solver.pcg import total
 
 FULL = 0.05            # of f.y / 2: Newton's step brings all of it on a quadratic, none where it has jumped over the minimum
 HALVINGS = 8           # steps 1/2 ... 1/256
-ROUNDED = 4.0          # units of rounding of its place by which a point may go on by its force; what flies freely has 2 at most
+ROUNDED = 4.0          # units of rounding of its place that a point may be off; what flies freely has 2 at most
 D = types(wp.float64)
 
 
@@ -212,19 +212,19 @@ def left(real, module):
 
 @cache
 def rounded(real, module):
-    """Kernel over bodies times a block of threads: the residual of a body without weight is 0 where none of its points has gone
-    d - b by a force, or would go on by what is left, further than ROUNDED units of rounding of its place: it flies."""
+    """Kernel over bodies times a block of threads: the residual of a body is 0 where each |f| <= own e, e being ROUNDED units
+    of rounding of the point's place: as the matrix is own and what stiffness adds, f would then move no body by more than e in
+    the norm of its masses. That is all that is left of one that flies without a force."""
     t, s, Constants, unit = types(real), structs(real), constants(real), real(ROUNDED * UNIT[real])
 
     def rounded(c: Constants, A: s.Matrix, first: wp.array(dtype=int), f: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                d: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3), part_out: wp.array(dtype=real)):
+                d: wp.array(dtype=t.vec3), part_out: wp.array(dtype=real)):
         body = wp.tid() // wp.block_dim()
         lane = wp.tid() - body * wp.block_dim()
         count = wp.float64(0.0)
         for i in range(first[body] + lane, first[body + 1], wp.block_dim()):
             most = unit * (wp.length(x[i]) + wp.length(d[i]))
-            forced = c.w[i] > real(0.0) and not wp.length(d[i] - b[i]) <= most
-            if forced or wp.length_sq(c.gravity[c.object[i]]) > real(0.0) or not wp.length(A.P[i] * f[i]) <= most:
+            if c.w[i] > real(0.0) and not wp.length(f[i]) <= A.own[i] * most:
                 count += wp.float64(1.0)
         count = total(count)
         if lane == 0 and count == wp.float64(0.0):

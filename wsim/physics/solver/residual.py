@@ -36,7 +36,7 @@ class Residual:
         else:
             own.system.launch(self.left, [own.points.constants, own.A, own.system.first, f, own.state.d, own.b], [self.array])
         if clock.watched:
-            own.system.launch(self.rounded, [own.points.constants, own.A, own.system.first, f, own.state.x, own.state.d, own.b],
+            own.system.launch(self.rounded, [own.points.constants, own.A, own.system.first, f, own.state.x, own.state.d],
                               [self.array])
         self.launch(self.unmet, [self.array, self.status.offset(UNSOLVED)], [self.status.array])
         if clock.watched:
