@@ -44,6 +44,13 @@ FREE = 1.0e30          # [m] of a point that has no contacts
 SLACK = 1.0e-5         # of distances, that clearances are smaller by: what poses and shapes a kilometre away are rounded by
 NEAR = 4               # bit of a point's mark: where the frame ended it was so near that the next one has contacts
 SOON = 8               # bit of a point's mark: the same, where the frame itself had none
+MOST = """
+#if defined(__CUDA_ARCH__)
+    for (int o = 16; o > 0; o >>= 1)
+        for (int k = 0; k < 4; ++k) a[k] = wp::max(a[k], __shfl_xor_sync(0xffffffffu, a[k], o));
+#endif
+    return a;
+"""
 
 
 @cache
@@ -61,9 +68,21 @@ def movements(real):
 
 
 @cache
-def sweeps(real, module):
-    """Kernel over rows: what D loses in a frame, S L + s + 2 V + gap and what is rounded."""
-    t, Rows, Movements = types(real), tables(real)[0], movements(real)
+def most(real):
+    """Function: the greatest of each component among the threads of a warp; on a CPU, of the one that a row has there."""
+    vec4 = types(real).vec4
+
+    @wp.func_native(MOST)
+    def most(a: vec4) -> vec4: ...
+
+    return most
+
+
+@cache
+def sweeps(real, module, lanes: int):
+    """Kernel over the lanes of rows, 32 on a GPU and 1 on a CPU, which share the substeps: what D loses in a frame,
+    S L + s + 2 V + gap and what is rounded."""
+    t, Rows, Movements, greatest = types(real), tables(real)[0], movements(real), most(real)
 
     @wp.func
     def turn(a: t.transform, b: t.transform):
@@ -71,26 +90,28 @@ def sweeps(real, module):
         return real(2.0) * wp.length(t.vec3(q[0], q[1], q[2]))
 
     def sweeps(c: Rows, m: Movements, loss_out: wp.array(dtype=t.vec2)):
-        row = wp.tid()
+        row = wp.tid() // lanes
         ball = m.ball[row]
         center = t.vec3(ball[0], ball[1], ball[2])
         T0 = c.pose[0, row]
         c0 = wp.transform_point(T0, center)
-        before = T0
         way = t.vec4()                                                     # s, S, w, W
-        for k in range(1, c.pose.shape[0]):
+        for k in range(1 + wp.tid() % lanes, c.pose.shape[0], lanes):
+            before = c.pose[k - 1, row]
             T1 = c.pose[k, row]
             c1 = wp.transform_point(T1, center)
             way = wp.max(way, t.vec4(wp.length(c1 - c0), turn(T0, T1), wp.length(c1 - wp.transform_point(before, center)),
                                      turn(before, T1)))
-            before = T1
+        if wp.static(lanes > 1):
+            way = greatest(way)
         lever = ball[3]
         slope = real(4.0) * way[3] + real(SLACK)
         if lever < real(0.0):
             lever = way[0]
             slope += real(2.0) * way[1]
         moved = way[0] + way[1] * lever + real(2.0) * (way[2] + way[3] * way[0])
-        loss_out[row] = t.vec2(moved + c.gap[row] + real(SLACK) * (wp.length(c0) + wp.abs(ball[3])), slope)
+        if wp.tid() % lanes == 0:
+            loss_out[row] = t.vec2(moved + c.gap[row] + real(SLACK) * (wp.length(c0) + wp.abs(ball[3])), slope)
 
     return wp.kernel(sweeps, name=f"sweeps_{t.name}", module=module, enable_backward=False)
 

@@ -69,7 +69,8 @@ class Clearance:
         m.ball = model.upload(np.concatenate([rows.centers(), radius[:, None]], axis=1)[rows.collider], t.vec4)
         m.loss = wp.zeros(len(rows.collider), dtype=t.vec2, device=model.device)
         m.ahead = NEXT * clock.dt
-        self.moves, self.sweeps = m, kernels.sweeps(real, module)
+        self.lanes = 32 if model.device.is_cuda else 1
+        self.moves, self.sweeps = m, kernels.sweeps(real, module, self.lanes)
         self.measure, self.near = kernels.clearance(kinds, real, module), kernels.near(kinds, real, module)
         self.stray = None if whole and not contact.points.integrator.stages else kernels.stray(real, module)
         k, width = state.points.names.index("x"), state.points.capacity
@@ -104,7 +105,7 @@ class Clearance:
     def moved(self) -> None:
         """Colliders have other poses in the frame to come."""
         c = self.contacts
-        self.model.launch(self.sweeps, len(self.moves.loss), [c.table, self.moves], [self.moves.loss])
+        self.model.launch(self.sweeps, len(self.moves.loss) * self.lanes, [c.table, self.moves], [self.moves.loss])
 
     def begin(self, clock: Clock) -> None:
         c = self.contacts

@@ -93,7 +93,7 @@ def pins_of(model: Model) -> list[_Pinned]:
 
 class Pins(Method):
     """Stages pose and, where a step of several solves ends, put (hard pins), hold (soft pins). Targets of a whole frame are
-    computed in float64 on the host and uploaded only when a pin moves or was set."""
+    computed in float64, on the host or a GPU, only when a pin moves or was set."""
 
     def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
         """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
@@ -105,6 +105,7 @@ class Pins(Method):
         self.place: dict[str, wp.array] = {}
         self.target: dict[str, wp.array] = {}
         self.changed = True
+        self.sampled: dict[str, Any] = {}                   # `wsim.physics.animation.pin_targets.Targets` of a GPU
         t, real, module = types(model.real), model.real, model.module
         for kind, group in self.groups.items():
             if group:
@@ -213,15 +214,33 @@ class Pins(Method):
             at = {kind: moments[:1] for kind, moments in at.items()}
         if not (moves or self.changed or any(t.shape[0] != len(at[kind]) for kind, t in self.target.items())):
             return
-        self.changed = False
         for kind, group in self.groups.items():
             if group:
-                values = np.concatenate([p.table(time + at[kind]) for p in group], axis=1)
-                if self.target[kind].shape[0] != len(values):
-                    self.target[kind] = self.model.upload(values, types(self.model.real).vec3)
-                    self.moved = True                      # a graph has the array before, and how many rows it has
-                else:
-                    self.target[kind].assign(values.astype(self.model.dtype))
+                self.aim(kind, time, clock.dt, at[kind])
+        self.changed = False
+
+    def aim(self, kind: str, time: float, dt: float, at: np.ndarray) -> None:
+        """Targets of a group in the frame of dt [s] that starts at a time [s]; at: times in it."""
+        group, rows = self.groups[kind], self.target[kind].shape[0]
+        own = [False] * len(group)
+        if self.model.device.is_cuda and not self.model.gradients:
+            from wsim.physics.animation.pin_targets import Targets, evaluated
+            own = evaluated(group, at, dt)
+        anew = self.changed or rows != len(at)
+        if anew or any(p.motion.moves and not mine for p, mine in zip(group, own, strict=True)):
+            values = np.concatenate([np.zeros((len(at), len(p.places), 3)) if mine else p.table(time + at)
+                                     for p, mine in zip(group, own, strict=True)], axis=1)
+            if rows != len(values):
+                self.target[kind] = self.model.upload(values, types(self.model.real).vec3)
+                self.moved = True                      # a graph has the array before, and how many rows it has
+            else:
+                self.target[kind].assign(values.astype(self.model.dtype))
+        if any(own):
+            if kind not in self.sampled:
+                self.sampled[kind] = Targets(self.model.device, self.model.real)
+            if anew:
+                self.sampled[kind].take(group, own, len(at))
+            self.sampled[kind].launch(time, dt, self.target[kind])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """motion of a pin: a Motion or a (4, 4) matrix; it takes effect with the next frame."""
