@@ -7,12 +7,13 @@ start and n1 that of the end, the plane with the normal (1 - t) n0 + t n1 separa
 
 (Bernstein coefficients of a quadratic in t). Then no point meets a triangle and no edge another, and no triangles intersect
 that did not. Only differences of motions enter: a pair that flies, however fast, costs nothing. With n1 = n0 the middle one
-follows. The end keeps a gap s, by which rounding in a file cannot close it, and c, a bound of the rounding of what is computed:
+follows. The end keeps a gap s, by which rounding in a file cannot close it, and c, a bound of the rounding of what is computed
+(kernels/selfcontact/bounds.py).
 
-    c = 8 u (|r| + |m_i| + |m_j| + |shift_i - shift_j|),   sums of absolute coordinates, m the motions, u = 2^-24 (2^-53)
-
-Projection: rows n0 . R >= s + (gap - s) / 10 between single points i and j of pairs that are not certified, as
-kernels/selfcontact/rows.py, by the same sums: momentum is kept.
+Projection: rows n0 . R >= s + max((gap - s) / 10, 4 c) between single points i and j of pairs that are not certified, as
+kernels/selfcontact/rows.py, by the same sums: momentum is kept. What ends there is certified, though gaps shrink to a tenth in
+substep after substep of a jam. A pair that began nearer than an end can be proven is let be where all goes by the rigid motion
+R of kernels/selfcontact/cut.py, and counted with those that began too near.
 """
 
 from functools import cache
@@ -22,59 +23,11 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import closest, pairs
+from wsim.kernels.selfcontact.bounds import bounds, ends
+from wsim.kernels.selfcontact.cut import RIGID
 from wsim.kernels.selfcontact.tubes import LONG
 
 LISTS = 16             # of a substep, from which on points that projections lead out of their tubes are cut
-
-
-@cache
-def bounds(real):
-    """Functions: least gap that a file needs of a pair; c, see above, of one whose points are at p1 .. p3 from its first; the
-    least coefficient in the middle."""
-    t = types(real)
-    Surfaces, State = pairs.surfaces(real), states(real)
-    _, slack = pairs.reading(real)
-
-    @wp.func
-    def written(s: Surfaces, at: State, kind: int, ids: wp.vec4i):
-        first = slack(s, at.x, ids[0])
-        other = wp.max(slack(s, at.x, ids[2]), slack(s, at.x, ids[3]))
-        if kind == closest.POINT:
-            return first + wp.max(other, slack(s, at.x, ids[1]))
-        return wp.max(first, slack(s, at.x, ids[1])) + other
-
-    @wp.func
-    def one(a: t.vec3):
-        return wp.abs(a[0]) + wp.abs(a[1]) + wp.abs(a[2])
-
-    @wp.func
-    def rounding(s: Surfaces, at: State, ids: wp.vec4i, p1: t.vec3, p2: t.vec3, p3: t.vec3):
-        o = ids[0]
-        own = one(at.d[o] - at.e[o]) + one(at.e[o])
-        most = real(0.0)
-        for k in range(1, 4):
-            q = ids[k]
-            most = wp.max(most, one(at.d[q] - at.e[q]) + one(at.e[q]) + one(s.shift[q] - s.shift[o]))
-        return real(8.0) * s.ulp * (most + own + wp.max(one(p1), wp.max(one(p2), one(p3))))
-
-    @wp.func
-    def still(s: Surfaces, ids: wp.vec4i, p1: t.vec3, p2: t.vec3, p3: t.vec3):
-        """The same where nothing moves: more is left of the gap of what was proven, by c of the substep before."""
-        o = ids[0]
-        most = real(0.0)
-        for k in range(1, 4):
-            most = wp.max(most, one(s.shift[ids[k]] - s.shift[o]))
-        return real(8.0) * s.ulp * (most + wp.max(one(p1), wp.max(one(p2), one(p3))))
-
-    @wp.func
-    def between(kind: int, a1: real, a2: real, a3: real):
-        """Least coefficient in the middle; a: n . R + m . r of points, the first point's being 0."""
-        other = wp.max(a2, a3)
-        if kind == closest.POINT:
-            return -wp.max(other, a1)
-        return wp.min(-other, a1 - other)
-
-    return written, rounding, still, between
 
 
 @cache
@@ -103,9 +56,10 @@ def meeting(real):
 @cache
 def inspect(real, module):
     """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push, and words[FAST] by what is
-    predicted; -1: without that, as the substep is solved; 1: `bad` of every pair where it ends, and how many lack a proof in
-    words[BAD]. A pair that began nearer than s, or than any end that was proven leaves it, is let be (2): nothing of it can be
-    proven, and what holds it is its contact. One kernel, since closest points and normals are most of what is compiled."""
+    predicted; -1: without that, as the substep is solved; 1, and 2 behind cuts: `bad` of every pair where it ends, and how many
+    lack a proof in words[BAD]. A pair that began nearer than s, or than any end that was proven leaves it, is let be (2):
+    nothing of it can be proven, and what holds it is its contact. One kernel, since closest points and normals are most of what
+    is compiled."""
     vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
@@ -140,7 +94,7 @@ def inspect(real, module):
                 near.bad[i] = 2
                 wp.atomic_add(words, pairs.CLOSER, 1)
                 return
-            if near.gap[i] > c and least(kind, n, zero, q1, q2, q3) >= need:
+            if least(kind, n, zero, q1, q2, q3) >= need:
                 return
         b = weights(kind, zero, q1, q2, q3)
         m, gap = normal(kind, b, zero, q1, q2, q3)
@@ -155,9 +109,10 @@ def inspect(real, module):
             meet(s, at, ends, i, near, words)
             return
         a1, a2, a3 = wp.dot(n, q1) + wp.dot(m, p1), wp.dot(n, q2) + wp.dot(m, p2), wp.dot(n, q3) + wp.dot(m, p3)
-        if not (near.gap[i] > c and gap >= need and between(kind, a1, a2, a3) >= real(2.0) * c):
-            near.bad[i] = 1
-            wp.atomic_add(words, pairs.BAD, 1)
+        if not (gap >= need and between(kind, a1, a2, a3) >= real(2.0) * c):
+            rigid = ends == 2 and words[pairs.ROUND] >= RIGID and near.gap[i] < need and gap >= near.gap[i] - c
+            near.bad[i] = wp.where(rigid, 2, 1)
+            wp.atomic_add(words, wp.where(rigid, pairs.CLOSER, pairs.BAD), 1)
 
     return inspect_pairs
 
@@ -167,13 +122,14 @@ def goal(real):
     """Function: what is lacking of a row of points k (first side) and j, < 0 where something is."""
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
+    room = ends(real)
 
     @wp.func
     def lack(s: Surfaces, at: State, near: Pairs, i: int, k: int, j: int):
         s0 = near.least[i]
-        spare = wp.max(near.gap[i] - s0, real(0.0))
+        spare = wp.max(real(0.1) * (near.gap[i] - s0), room(s, at, near.ids[i]))
         r = place(s, at.x, at.e, k, j) + ((at.d[k] - at.e[k]) - (at.d[j] - at.e[j]))
-        return wp.dot(near.n[i], r) - (s0 + real(0.1) * spare)
+        return wp.dot(near.n[i], r) - (s0 + spare)
 
     return lack
 
@@ -256,6 +212,7 @@ def proceed(module):
             words[pairs.STRAYED] = strayed
         else:
             words[pairs.TURNED] = turn
+            words[pairs.CLOSE] = wp.max(words[pairs.CLOSE], words[pairs.CLOSER])
             if turn >= most:
                 words[pairs.PINCH] = wp.min(bad, 1)
                 left = 0

@@ -2,15 +2,15 @@
 
 With m_i the motion of a point beside R, n the normal of the start and s the gap that stays, points that are cut keep
 
-    m_i <- t_i m_i,   t_i = min over the pairs of i of  KEPT (gap - s) / |n . m_i|  where m_i closes the gap, else 1
+    m_i <- t_i m_i,   t_i = min over the pairs of i of  KEPT (gap - s') / |n . m_i|  where m_i closes the gap, else 1
 
-so that two that are cut keep a tenth of their gap, and one that flies with the others loses nothing. A point that was cut may
-now be in the way of one that was not: what is not certified then is cut, too, round by round; in round ALL everything is; in
-round HELD, which rounding alone can lead to, every point of a pair that lacks a proof goes by R alone, in round RIGID all do,
-which keeps their momentum, and in the last all points stay, which needs no proof. Points that pins move are held back like
-others; the pin takes them on in the next substep. Where colliders take part, R is what they do
-(kernels/selfcontact/obstacles.py), and all goes along with it in the last round, too: colliders that close a gap from two
-sides leave pairs without a proof then, which are counted.
+s' what a proof leaves (kernels/selfcontact/bounds.py), so that two that are cut keep a tenth of their gap, and one that flies
+with the others loses nothing. A point that was cut may now be in the way of one that was not: what is not certified then is
+cut, too, round by round; in round ALL everything is; in round HELD, which rounding alone can lead to, every point of a pair
+that lacks a proof goes by R alone, in round RIGID all do, which keeps their momentum, and in the last all points stay, which
+needs no proof. Points that pins move are held back like others; the pin takes them on in the next substep. Where colliders
+take part, R is what they do (kernels/selfcontact/obstacles.py), and all goes along with it in the last round, too: colliders
+that close a gap from two sides leave pairs without a proof then, which are counted.
 
 Motions are only ever made shorter (monotone), by minima, which need no order.
 
@@ -25,6 +25,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact.bounds import ends
 from wsim.kernels.selfcontact.tubes import ENERGY, carried, frames
 
 KEPT = 0.45
@@ -64,7 +65,7 @@ def claim(real, module):
 def shorten(real, module):
     """Kernel: t of the points that are cut."""
     Surfaces, Pairs, State, Sums, Frames = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real), frames(real)
-    carry = carried(real)
+    carry, spare = carried(real), ends(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def shorten_motion(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int), near: Pairs, to: Sums):
@@ -73,7 +74,7 @@ def shorten(real, module):
             return
         n = near.n[i]
         ids = near.ids[i]
-        room = real(KEPT) * wp.max(near.gap[i] - near.least[i], real(0.0))
+        room = real(KEPT) * wp.max(near.gap[i] - near.least[i] - spare(s, at, ids), real(0.0))
         for k in range(4):
             q = ids[k]
             if to.cut[q] == words[pairs.EPOCH] or words[pairs.ROUND] >= ALL:

@@ -190,3 +190,23 @@ def test_auto_takes_the_substeps_that_sheets_meet_in():
     edge, taken = sim.plan.method("selfcontact").surfaces.edge, sim.plan.clock.substeps
     assert before < taken and 60.0 / (60.0 * taken) <= 0.5 * edge * 1.02 and not told_fast(sim)
     assert [w for w in sim.warnings if f"{taken} substeps instead of {before} from here on; the frame was repeated" in w]
+
+
+@pytest.mark.parametrize("gap", [1e-7, 3e-7])
+def test_what_is_so_near_that_rounding_tells_is_projected_and_not_held(gap):
+    """Sheets a few roundings apart, as jams leave them, that would come nearer by half of it."""
+    sim = run(layers(2, 5, gap))
+    found, s, clock = sim.plan.method("selfcontact"), sim.state, sim.plan.clock
+    found.enter(clock)
+    found.before_frame(0.0, clock)
+    d = np.zeros((len(s.d), 3))
+    d[:, 1] = 0.25 * gap * np.repeat([1.0, -1.0], [b.count for b in sim.model.bodies])
+    s.e.zero_()
+    s.d.assign(d.astype(sim.model.dtype))
+    found.near.search(found.at())
+    found.guarantee.begin(found.at())
+    found.said.zero_()
+    found.guarantee.keep(found.at(), s.d, lambda: pytest.fail("points left their tubes"), found.said)
+    told, nearer = found.said.numpy(), np.subtract(*(s.d.numpy()[b.first:b.last, 1].mean() for b in sim.model.bodies))
+    assert told[cut.PROJECTED] == 1 and told[cut.CUT] == told[cut.CLOSE] == 0, told
+    assert nearer < 0.5 * gap and np.abs((1.0 / found.surfaces.data.w.numpy()) @ s.d.numpy()).max() < 1e-12
