@@ -56,7 +56,8 @@ def meeting(real):
 @cache
 def inspect(real, module):
     """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push, and words[FAST] by what is
-    predicted; -1: without that, as the substep is solved; 1, and 2 behind cuts: `bad` of every pair where it ends, and how many
+    predicted; -1: without that, as the substep is solved; 1, and 2 behind cuts
+    without colliders: `bad` of every pair where it ends, and how many
     lack a proof in words[BAD]. A pair that began nearer than s, or than any end that was proven leaves it, is let be (2):
     nothing of it can be proven, and what holds it is its contact. One kernel, since closest points and normals are most of what
     is compiled."""

@@ -65,7 +65,7 @@ class Guarantee:
         self.each(self.inspect, [self.surfaces.data, at, -int(solved)], [self.near.pairs, self.near.words])
 
     def certify(self, at, ends: int = 1) -> None:
-        """Looks for a proof of every pair. ends: 2 behind cuts."""
+        """Looks for a proof of every pair. ends: 2 behind cuts, where no collider takes part."""
         self.each(self.inspect, [self.surfaces.data, at, ends], [self.near.pairs, self.near.words])
 
     def prove(self, at) -> None:
@@ -96,5 +96,5 @@ class Guarantee:
         self.model.launch(self.cut, self.surfaces.free["points"], [data, at, frames, near.words, near.sums], [d, said])
         near.look(at)
         wp.capture_if(near.word(pairs.OUT), lambda: self.anew(at, again))
-        self.certify(at, 2)
+        self.certify(at, 1 if self.pinch else 2)
         self.model.launch(self.proceed, 1, [], [near.words, 2, cut.ROUNDS])
