@@ -25,10 +25,10 @@
                                 other methods move, in a substep
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
     sheet, shared, sent         a substep of sheets and tets that blocks share, the work of a block, what a grid of them takes
-                                to send
+                                to send places, or velocities (H200, tools/bench/choice/blocks.py: blocks_h200.json)
     struck, tried, faced        what convex colliders add to it, each of them, and a mesh (H200: a sheet of 33 x 33 on 16, 100
                                 and 225 balls; a shirt on its dummy)
-    limited                     and strain limits of eight colours (H200: that sheet)
+    limited                     and strain limits of eight colours (H200: that sheet), of a grid twice that
     cluster, clustered          a substep of a net that a cluster of blocks takes in one launch a frame, a point in it
 """
 
@@ -58,8 +58,8 @@ COSTS = {
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
              "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
              "touch": 5.1e-6, "near": 3e-11, "mesh": 4e-5, "wide": 6e-6,
-             "sheet": 2.5e-6, "shared": 4.7e-10, "sent": 1e-7, "struck": 2.8e-6, "tried": 1.6e-7, "faced": 1.6e-5,
-             "limited": 3.9e-6,
+             "sheet": 1.8e-6, "shared": 5.8e-10, "sent": 4.5e-7, "struck": 3.3e-6, "tried": 1.6e-7, "faced": 1.6e-5,
+             "limited": 4.6e-6,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
             "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
@@ -89,13 +89,16 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     springs, work, kinds = _constraints(model)
     tets, simple = _tets(model, 0), not (model.scene.colliders or model.scene.softs or work > springs)
     damped = any(r.tau for r in model.constraints)
+    blown = any(cloth.drag or cloth.lift for cloth in model.scene.cloths)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
     if marched(model, kinds):
-        from wsim.physics.fused.domains import OWN
-        blocks = CLUSTER if model.points <= OWN * CLUSTER else GRID
-        return {"sheet": n, "sent": n * (blocks == GRID), "shared": n * (work + SHARED_TET * tets) / blocks,
-                "limited": n * any(r.kind == "limit" for r in model.constraints), **_struck(model, n)}
+        from wsim.physics.fused.domains import few
+        limited = any(r.kind == "limit" for r in model.constraints)
+        blocks = CLUSTER if model.points <= few(limited) * CLUSTER else GRID
+        sends = n * (blocks == GRID)
+        return {"sheet": n, "sent": sends * (1 + (damped or blown)), "shared": n * (work + SHARED_TET * tets) / blocks,
+                "limited": (n + sends) * limited, **_struck(model, n)}
     if packed(model, kinds):
         scene = model.scene
         aired = n * model.points * any(c.drag or c.lift for c in scene.cloths)
@@ -103,7 +106,6 @@ def explicit(model: Model, n: int) -> dict[str, float]:
         return {"step": n, "packed": n * work, "beside": n * model.points * bool(within), "aired": aired,
                 **_contacts(model, n, 1)}
     others = sum(row(kind).gather != SPRINGS for kind in kinds)
-    blown = any(cloth.drag or cloth.lift for cloth in model.scene.cloths)
     return {"step": n * (1 + others), "spring": n * springs, "element": n * (work - springs), "blown": n * blown,
             "block": n * bool(tets), "tet": n * tets, **_contacts(model, n, 1)}
 

@@ -60,7 +60,7 @@ def test_limits_in_one_launch_hold_as_launch_by_launch(name, blocks, monkeypatch
 @pytest.mark.parametrize("blocks", BLOCKS)
 def test_edges_stay_within_what_a_sweep_leaves_of_their_limit(blocks, monkeypatch):
     """Without limits they are stretched by more than twice as much, and a live limit is that of the next frame."""
-    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
+    monkeypatch.setattr(domains, "blocks_of", lambda *given: [BLOCKS[blocks]])
     _, _, pull = end(hung())
     model, rest, stretched = pull.model, pull.model.stack("rest"), []
     edges = model.bodies[0].edges

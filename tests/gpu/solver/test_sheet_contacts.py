@@ -106,7 +106,7 @@ def run(scene: Scene, frames: int = 4):
 @pytest.mark.parametrize("blocks", BLOCKS)
 @pytest.mark.parametrize("name", SCENES)
 def test_one_launch_meets_colliders_as_launch_by_launch(name, blocks, monkeypatch):
-    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
+    monkeypatch.setattr(domains, "blocks_of", lambda *given: [BLOCKS[blocks]])
     sim, x, v, impulses, mark = run(SCENES[name]())
     taken = {"contact"} | {"tied": {"soft pins", "xpbd"}, "lifted": {"loads"}}.get(name, set())
     assert sim.plan.method("explicit").taken == taken and sim.plan.find("gather").cluster.size == BLOCKS[blocks]

@@ -60,7 +60,7 @@ def end(scene: Scene, frames: int = 4):
 
 def moves_alike(make, blocks: int, rounding: float, monkeypatch) -> None:
     """Asserts that a scene ends twice with the same bits by so many blocks, and within rounding [m] launch by launch."""
-    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [blocks])
+    monkeypatch.setattr(domains, "blocks_of", lambda *given: [blocks])
     x, v, pull = end(make())
     assert pull.cluster is not None and pull.cluster.size == blocks
     again, rate, _ = end(make())

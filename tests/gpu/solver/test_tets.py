@@ -73,7 +73,7 @@ def thrown() -> Scene:
 @pytest.mark.parametrize("blocks", BLOCKS)
 @pytest.mark.parametrize("made", [cube, jelly, thrown])
 def test_colliders_are_met_as_launch_by_launch(made, blocks, monkeypatch):
-    monkeypatch.setattr(domains, "blocks_of", lambda device, points: [BLOCKS[blocks]])
+    monkeypatch.setattr(domains, "blocks_of", lambda *given: [BLOCKS[blocks]])
     sim, x, v, impulses, mark = run(made(), 6)
     assert sim.plan.method("explicit").taken == {"contact"} and sim.plan.find("gather").cluster.size == BLOCKS[blocks]
     _, again, rate, *_ = run(made(), 6)

@@ -1,13 +1,16 @@
 """How many blocks should share a sheet: time of a substep of explicit steps in one launch, by size and number of blocks.
 
     python -m tools.bench.choice.blocks [--sides 10,16,...] [--blocks 16,32,64,128] [--kinds plain,damped,...] [--frames 6]
+                                       [--json FILE]
 
 A row is a sheet (or a bar of tets) of a kind: microseconds a substep for each number of blocks, and beside it the largest
 difference of a point [m] from the first number's motion, after the frames. CUDA, sm_90 and up.
 """
 
 import argparse
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import warp as wp
@@ -57,24 +60,28 @@ KINDS = {"plain": hung, "damped": lambda n: hung(n, replace(FABRIC, damping=1e-4
          "limited": lambda n: hung(n, replace(FABRIC, strain_limit=0.02)), "bar": bar}
 
 
-def row(make, blocks: list[int], frames: int) -> tuple[int, list[str]]:
-    """Points, and for each number of blocks what was found."""
-    found, first, usual = [], None, domains.blocks_of
+def row(kind: str, side: int, blocks: list[int], frames: int) -> dict:
+    """What was found for each number of blocks: us a substep, difference [m], threads; nothing where they do not fit."""
+    found, first, usual = {}, None, domains.blocks_of
     for many in blocks:
-        domains.blocks_of = lambda device, points, many=many: [many]
+        domains.blocks_of = lambda *given, many=many: [many]
         try:
-            sim = wsim.Simulation(make(), device="cuda:0")
+            sim = wsim.Simulation(KINDS[kind](side), device="cuda:0")
             sim.run(frames)
-            plan = sim.plan.find("gather").cluster
-            x = np.concatenate([sim.positions(b.path) for b in sim.model.bodies])
-            first = x if first is None else first
-            us = 1e3 * np.median(sim.milliseconds[2:]) / SUBSTEPS
-            found.append(f"{us:6.2f} ({np.abs(x - first).max():.0e}, {plan.threads})" if plan else "     - ")
-        except Exception as error:
-            found.append(f"{type(error).__name__}: {str(error)[:40]}")
+        except ValueError:                                 # more blocks than points
+            continue
         finally:
             domains.blocks_of = usual
-    return sim.model.points, found
+        x = np.concatenate([sim.positions(b.path) for b in sim.model.bodies])
+        first = x if first is None else first
+        if plan := sim.plan.find("gather").cluster:
+            found[many] = {"us": 1e3 * float(np.median(sim.milliseconds[2:])) / SUBSTEPS,
+                           "difference": float(np.abs(x - first).max()), "threads": plan.threads}
+    return {"kind": kind, "points": len(x), "blocks": found}
+
+
+def cell(found: dict | None) -> str:
+    return f"{found['us']:.2f} ({found['difference']:.0e}, {found['threads']})" if found else "-"
 
 
 def main() -> None:
@@ -83,14 +90,18 @@ def main() -> None:
     parser.add_argument("--blocks", default="16,32,64,128")
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--frames", type=int, default=6)
+    parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     wp.config.quiet = True
-    blocks = [int(b) for b in given.blocks.split(",")]
+    blocks, rows = [int(b) for b in given.blocks.split(",")], []
     print(f"us a substep, by blocks (difference, threads)\n{'kind':<8} {'points':>6}  " + "".join(f"{b:<22}" for b in blocks))
     for kind in given.kinds.split(","):
         for side in map(int, given.sides.split(",")):
-            points, found = row(lambda kind=kind, side=side: KINDS[kind](side), blocks, given.frames)
-            print(f"{kind:<8} {points:>6}  " + "  ".join(f"{f:<20}" for f in found), flush=True)
+            rows.append(found := row(kind, side, blocks, given.frames))
+            cells = (f"{cell(found['blocks'].get(b)):<22}" for b in blocks)
+            print(f"{kind:<8} {found['points']:>6}  " + "".join(cells), flush=True)
+            if given.json:
+                given.json.write_text(json.dumps({"device": wp.get_device("cuda:0").name, "rows": rows}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -32,7 +32,9 @@ from wsim.scene.methods import carried
 KINDS = {"membrane", "dihedral"}
 BALLS = 256            # colliders that each point looks at, one after the other
 NONE = np.zeros((0, 4), int)
-OWN, SHARED = 140, 12_000        # points for which a block of a cluster has memory, and all of a grid
+# Points for which a block of a cluster has memory, and all of a grid; beyond FEW a block a grid is faster, save where limits
+# meet after each colour (tools/bench/choice/blocks.py; H200, 1089 points: 3.2 and 2.4 us a substep, with limits 8 and 11)
+OWN, SHARED, FEW = 140, 12_000, 40
 
 
 def halves(x: np.ndarray, index: np.ndarray, size: int) -> list[np.ndarray]:
@@ -154,10 +156,15 @@ def packed(corners: np.ndarray) -> np.ndarray:
     return (four[:, ::2] | four[:, 1::2] << 16).ravel()
 
 
-def blocks_of(device, points: int) -> list[int]:
-    """Blocks to try: a cluster, then a grid of no more than there are multiprocessors."""
+def blocks_of(device, points: int, limited: bool) -> list[int]:
+    """Blocks to try: a cluster, then a grid of no more than there are multiprocessors. limited: there are strain limits."""
     cluster = 16 if device.arch == LARGE and device.sm_count >= MANY else 8
-    return [cluster] * (points <= OWN * cluster) + [1 << device.sm_count.bit_length() - 1]
+    return [cluster] * (points <= few(limited) * cluster) + [1 << device.sm_count.bit_length() - 1]
+
+
+def few(limited: bool) -> int:
+    """Points of a block, up to which a cluster takes a model."""
+    return OWN if limited else FEW
 
 
 def shared(pull, taken: frozenset[str]) -> Sheets | None:
@@ -204,12 +211,13 @@ class Sheets:
         self.limits: Any = None              # `wsim.physics.fused.limits.Limits`
         of = {e.kind: e for e in pull.elements if isinstance(e, Elements)}
         flat, bent, solid = of.get("membrane"), of.get("dihedral"), pull.tables
-        for size in blocks_of(model.device, model.points):
+        limited = any(r.kind == "limit" for r in model.constraints)
+        for size in blocks_of(model.device, model.points, limited):
             found = Domains(model.stack("rest"), flat.ids if flat else NONE[:, :3], bent.ids if bent else NONE,
                             bent.curvature.tables() if bent else {}, size, pull.damped,
                             np.concatenate([NONE, *(table.ids for table in solid)]), air=air, meshes=meshes,
                             loaded=bool(model.scene.loads))
-            if found.plan and any(r.kind == "limit" for r in model.constraints):
+            if found.plan and limited:
                 from wsim.physics.fused.limits import Limits, edges_of
                 self.limits = Limits(found, *edges_of(model))
                 found.plan = self.limits.plan
