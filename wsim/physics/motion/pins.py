@@ -92,7 +92,7 @@ def pins_of(model: Model) -> list[_Pinned]:
 
 
 def turns(places: np.ndarray) -> list[np.ndarray]:
-    """Pins in turns, by the place of the point that each pulls: the first of each point, the second of those that have two ..."""
+    """Pins in turns, by the place of the point that each pulls: the first pin of each point, the second of those with two.."""
     order = np.argsort(places, kind="stable")
     first = np.searchsorted(places[order], places[order])
     turn = np.empty(len(places), np.int64)
