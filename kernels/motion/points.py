@@ -143,8 +143,8 @@ def finish_beyond(real, module, part: float = 0.5):
 
 @cache
 def prolong(real, module, part: float = 0.5):
-    """Kernel: d, found at that part of the substep, goes on to its end, where contacts look for it, and v is the velocity there
-    before they act; d is kept in `ahead`. A pinned point has the velocity that it went by."""
+    """Kernel: d, found at that part of the substep, goes on to its end, where contacts look for it (kept in `ahead`), v is the
+    velocity there before they act. A pinned point has the velocity that it went by."""
     t, once, more = types(real), real(1.0 / part), real((1.0 - part) / part)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -184,10 +184,9 @@ def land(real, module):
 
 @cache
 def finish_bdf2(real, module):
-    """Kernel: as finish_euler, and the history; reads x, e, v, d, a, struck. A point that leaves an overlap (struck = 1)
-    forgets its history and goes on as if it had always moved with its new velocity; at other contacts the `settle` kernel of
-    kernels/contact/project.py has already made the normal part of a step one of backward Euler, since a multistep formula
-    across an impact bounces."""
+    """Kernel: as finish_euler, and the history; reads x, e, v, d, a, struck. What leaves an overlap (struck = 1) goes on as if
+    it had always had its new velocity; at other contacts `settle` of kernels/contact/project.py has made the normal part of
+    the step one of backward Euler, since a multistep formula across an impact bounces."""
     t, PointState = types(real), states(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
@@ -217,8 +216,7 @@ def finish_bdf2(real, module):
 
 @cache
 def move_pins(real, module):
-    """Kernel: a hard-pinned point goes where its frame is at the end of substep k, or to that part of the way from where it
-    is. target [m], (substeps, pins)."""
+    """Kernel: a hard-pinned point goes that part of the way to where its frame is, target[k] [m], (substeps, pins)."""
     t = types(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
@@ -235,7 +233,6 @@ def move_pins(real, module):
 def carry_pins(real, module):
     """Kernel: a hard-pinned point has the velocity [m/s] of its frame, which a curve gives."""
     t = types(real)
-
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def carry_pins(point: wp.array(dtype=int), speed: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
@@ -246,7 +243,7 @@ def carry_pins(real, module):
 
 @cache
 def soft_pins(real):
-    """Struct of the soft pins: reads only."""
+    """Struct of the soft pins: reads only. Pins of one point act in turn, each in a launch of its own."""
     t = types(real)
 
     @wp.struct
@@ -255,21 +252,24 @@ def soft_pins(real):
         alpha: wp.array(dtype=t.scalar)      # compliance [m/N], (pins,)
         damping: wp.array(dtype=t.scalar)    # [N s/m], (pins,)
         w: wp.array(dtype=t.scalar)          # inverse mass [1/kg], (points,)
-        first: wp.array(dtype=int)           # pins of the j-th pinned point: item[first[j]] .. item[first[j + 1]]; empty
-        item: wp.array(dtype=int)            # where each pin is for itself
+        first: wp.array(dtype=int)           # pins of the j-th pinned point: item[first[j]] .. item[first[j + 1]]; or empty
+        item: wp.array(dtype=int)
+        turn: wp.array(dtype=int)            # pins of a launch, no two of one point; empty: all
 
     return SoftPins
 
 
 @cache
 def hold_pins(real, module):
-    """Kernel: a soft pin, C = x + d - target (three rows), as a spring with damping (XPBD, eq. 18 and 26); reads x, d, a."""
+    """Kernel over the pins of a turn: C = x + d - target (three rows), a damped spring (XPBD, eq. 18, 26); reads x, d, a."""
     t, SoftPins, PointState = types(real), soft_pins(real), states(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def hold_pins(pins: SoftPins, target: wp.array2d(dtype=t.vec3), at: PointState, lam: wp.array(dtype=t.vec3), k: int,
                   g: real, d_out: wp.array(dtype=t.vec3), lam_out: wp.array(dtype=t.vec3)):
         p = wp.tid()
+        if pins.turn:
+            p = pins.turn[p]
         i = pins.point[p]
         d0 = at.d[i]
         l0 = lam[p]

@@ -1,7 +1,8 @@
 """Conjugate gradients for the corrections of strands that press each other.
 
     A = M + E,   M: blocks of strands (kernels/rods/system.py) with what contacts add within an edge, factored strand by strand
-                 E: what contacts add between the two edges of a pair
+                 E: what contacts add between the two edges of a pair, and
+                    between all points that touch one rigid body, whose motion is eliminated (kernels/rigid/touch/strands.py)
 
 They are preconditioned by M. Since p = z + beta p with M z = r, M p is summed up likewise (w), and no block of M is kept.
 Worlds end by themselves: at GAIN, or ROUNDS of them.
@@ -13,8 +14,7 @@ import warp as wp
 
 from wsim.kernels.rods.coupled import TURNING, Coupled
 from wsim.kernels.rods.eliminate import backward
-from wsim.kernels.rods.tables import Strands, Trial
-from wsim.kernels.rods.touch import Pressed
+from wsim.kernels.rods.tables import Borne, Pressed, Strands, Trial
 
 GAIN = wp.constant(wp.float64(1e-8))     # residual over that of the start, squared, at which conjugate gradients end
 ROUNDS = wp.constant(400)                # of them, at most
@@ -44,13 +44,37 @@ def solve(S: Strands, T: Trial, G: Coupled, k: int):
 
 @cache
 def gradients(module: str):
-    """Kernels of conjugate gradients: start; A p; step and residual; next direction; the correction into T.z."""
+    """Kernels of conjugate gradients: what bodies by themselves give; start; A p; step and residual; next direction; the
+    correction into T.z."""
     @wp.func
     def total(G: Coupled, k: int):
         a = wp.float64(0.0)
         for j in range(G.first[k], G.first[k + 1]):
             a += G.sum[j]
         return a
+
+    @wp.func
+    def carried(B: Borne, point: int):
+        """Force on a point of bodies that move by y [N]."""
+        f = wp.vec3d()
+        for j in range(wp.min(B.many[point], B.body.shape[1])):
+            body = B.body[point, j]
+            f += B.K[point, j] * (B.y[body, 0] + wp.cross(B.y[body, 1], B.arm[point, j]))
+        return f
+
+    @wp.kernel(module=module, enable_backward=False)
+    def carry_strands(S: Strands, T: Trial, B: Borne, G: Coupled):
+        k = wp.tid()
+        if G.on[G.world[k]] != 1 or B.near[G.world[k]] == 0:
+            return
+        for i in range(S.points[k]):
+            if S.hold[i, k] < 0:
+                f = carried(B, i * G.world.shape[0] + k)
+                G.r[i, k] = G.r[i, k] + wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
+        G.sum[k] = solve(S, T, G, k)
+        for i in range(S.points[k]):
+            G.p[i, k] = T.z[i, k]
+            G.w[i, k] = G.r[i, k]
 
     @wp.kernel(module=module, enable_backward=False)
     def start_worlds(G: Coupled, words: wp.array(dtype=int)):
@@ -66,7 +90,7 @@ def gradients(module: str):
                     words[TURNING] = 1
 
     @wp.kernel(module=module, enable_backward=False)
-    def apply_strands(S: Strands, P: Pressed, b: wp.array(dtype=wp.vec4d), G: Coupled):
+    def apply_strands(S: Strands, P: Pressed, b: wp.array(dtype=wp.vec4d), B: Borne, G: Coupled):
         k = wp.tid()
         if G.turn[G.world[k]] != 1:
             return
@@ -77,14 +101,17 @@ def gradients(module: str):
             if S.hold[i, k] < 0:
                 q = wp.vec3d()
                 point = i * m + k
-                for j in range(wp.min(P.many[point], P.of.shape[1])):
-                    entry = P.of[point, j]
-                    pair = entry / 4
-                    c = entry - 4 * pair
-                    if c < 2:
-                        q += P.cross[pair, 1] * b[pair][c]
-                    else:
-                        q += P.cross[pair, 0] * b[pair][c]
+                if P.many:
+                    for j in range(wp.min(P.many[point], P.of.shape[1])):
+                        entry = P.of[point, j]
+                        pair = entry / 4
+                        c = entry - 4 * pair
+                        if c < 2:
+                            q += P.cross[pair, 1] * b[pair][c]
+                        else:
+                            q += P.cross[pair, 0] * b[pair][c]
+                if B.many:
+                    q -= carried(B, point)
                 move = move + wp.vec4d(q[0], q[1], q[2], wp.float64(0.0))
             G.q[i, k] = move
             a += wp.dot(move, G.p[i, k])
@@ -142,4 +169,4 @@ def gradients(module: str):
             for i in range(S.points[k]):
                 T.z[i, k] = G.x[i, k]
 
-    return start_worlds, apply_strands, length_worlds, step_strands, turn_worlds, aim_strands, end_strands
+    return carry_strands, start_worlds, apply_strands, length_worlds, step_strands, turn_worlds, aim_strands, end_strands

@@ -76,7 +76,8 @@ def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp
 
 @cache
 def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
-    """Function touch(C, S, Q, T, hh, at, i, k) -> Touch of a point in the substep at; hh: h^2. kinds: of colliders, "" none."""
+    """Functions touch(C, S, Q, T, hh, at, i, k) -> Touch of a point in the substep at, hh: h^2; signed(C, c, q) -> distance [m]
+    and normal of a place q in the frame of a collider. kinds: of colliders, "" none."""
     convex = distance(tuple(name for name in kinds if name not in ("solid", "sheet")) or ("sphere",))
     solid, sheet = "solid" in kinds, "sheet" in kinds
 
@@ -141,4 +142,4 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
                         wp.float64(1.0))
         return found
 
-    return SimpleNamespace(touch=touch, name="_".join(kinds))
+    return SimpleNamespace(touch=touch, signed=signed, name="_".join(kinds))

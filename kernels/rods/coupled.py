@@ -20,7 +20,7 @@ from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.eliminate import backward
 from wsim.kernels.rods.march import TOLERANCE, begin
 from wsim.kernels.rods.system import forward, take
-from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
+from wsim.kernels.rods.tables import Borne, Holds, Motion, Step, Strands, Trial
 
 MOST = wp.constant(150)                  # iterations of Newton: friction that turns round settles by a fifth in each
 OVERSHOT = wp.constant(wp.float64(0.5))
@@ -137,7 +137,7 @@ def newton(kinds: tuple[str, ...], airy: bool, module: str):
         G.gain[k] = gain
 
     @wp.kernel(module=module, enable_backward=False)
-    def judge_worlds(G: Coupled, words: wp.array(dtype=int)):
+    def judge_worlds(G: Coupled, B: Borne, words: wp.array(dtype=int)):
         words[ACTIVE] = 0
         going = int(0)
         one = wp.float64(1.0)
@@ -151,6 +151,14 @@ def newton(kinds: tuple[str, ...], airy: bool, module: str):
                     z = wp.max(z, G.left[j])
                     ahead += G.ahead[j]
                     gain += G.gain[j]
+                if B.many:
+                    least = G.least[G.first[k]]
+                    for j in range(G.first[k], G.first[k + 1]):
+                        least = wp.min(least, G.least[j])
+                    for j in range(B.first[k], B.first[k + 1]):
+                        z = wp.max(z, B.left[j] / least)
+                        ahead += B.ahead[j]
+                        gain += B.gain[j]
                 begun = G.count[k] > 0
                 G.count[k] = G.count[k] + 1
                 if begun and ahead < -OVERSHOT * G.slope[k] and G.back[k] < BACK:

@@ -9,8 +9,7 @@ from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.coupled import FIRST, Coupled
 from wsim.kernels.rods.element import transport, upright
 from wsim.kernels.rods.march import finish
-from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
-from wsim.kernels.rods.touch import Pressed
+from wsim.kernels.rods.tables import Motion, Pressed, Step, Strands, Trial
 
 
 @cache
@@ -53,9 +52,10 @@ def ends(kinds: tuple[str, ...], module: str):
             point = i * m + k
             if Q.begun[i, k] == 0:
                 touched = wp.float64(1.0)
-            for j in range(wp.min(P.many[point], P.of.shape[1])):
-                if P.load[P.of[point, j] / 4] > wp.float64(0.0):
-                    touched = wp.float64(1.0)
+            if P.many:
+                for j in range(wp.min(P.many[point], P.of.shape[1])):
+                    if P.load[P.of[point, j] / 4] > wp.float64(0.0):
+                        touched = wp.float64(1.0)
         G.sum[k] = touched
         said[k, 0] = wp.max(said[k, 0], wp.float64(G.count[G.world[k]]))
         said[k, 1] = wp.max(said[k, 1], G.left[k])

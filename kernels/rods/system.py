@@ -171,6 +171,9 @@ def pointing(kinds: tuple[str, ...], airy: bool, pressed: bool):
                 D = add(D, T.stiff[i, k])
                 if T.given and S.hold[i, k] < 0:
                     r = r + split(T.given[i, k], wp.float64(0.0))
+                if T.lift and S.hold[i, k] < 0:
+                    r = r + split(T.lift[i, k], wp.float64(0.0))
+                    D = add(D, T.firm[i, k])
         return D, r
 
     return point

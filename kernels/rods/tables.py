@@ -71,6 +71,47 @@ class Trial:
     stiff: wp.array2d(dtype=wp.mat33d)              # its stiffness [N/m]
     along: wp.array2d(dtype=wp.mat33d)              # and that towards the next point
     given: wp.array2d(dtype=wp.vec3d)               # force of surfaces on a point [N]; only where strands meet them
+    lift: wp.array2d(dtype=wp.vec3d)                # force of rigid bodies on it [N]; only where strands meet them
+    firm: wp.array2d(dtype=wp.mat33d)               # and its stiffness, bodies held [N/m]
+
+
+@wp.struct
+class Pressed:
+    """What pairs of edges have (kernels/rods/touch.py), by pair, besides the list's; `of`, `many` by point."""
+
+    kept: wp.array(dtype=wp.float64)               # distance that it keeps now [m]; negative: not known yet
+    k: wp.array(dtype=wp.float64)                  # [N/m]
+    stick: wp.array(dtype=wp.vec3d)                # bristle [m]
+    load: wp.array(dtype=wp.float64)               # normal force of the substep before [N]
+    f: wp.array(dtype=wp.vec3d)                    # force on the first edge [N]
+    K: wp.array(dtype=wp.mat33d)                   # its stiffness [N/m]
+    s: wp.array(dtype=wp.vec3d)                    # bristle where the substep ends [m]
+    N: wp.array(dtype=wp.float64)                  # normal force there [N]
+    cross: wp.array2d(dtype=wp.vec3d)              # K by what the first, second edge moves, (pairs, 2)
+    rough: wp.array(dtype=int)                     # of worlds: > 0, friction is as stiff along its slip as across
+    of: wp.array2d(dtype=int)                      # 4 pair + corner, (points, room)
+    many: wp.array(dtype=int)                      # of them, by point; may be more than there is room for
+
+
+@wp.struct
+class Borne:
+    """Contacts of points with rigid bodies (kernels/rigid/touch/strands.py): by flat row of the point and its number there,
+    (points, room); by body."""
+
+    many: wp.array(dtype=int)                       # contacts of a point; may be more than there is room for
+    body: wp.array2d(dtype=int)                     # of a contact
+    arm: wp.array2d(dtype=wp.vec3d)                 # from the body's centre of mass to the point [m]
+    f: wp.array2d(dtype=wp.vec3d)                   # force on the point [N]
+    K: wp.array2d(dtype=wp.mat33d)                  # its stiffness [N/m]
+    N: wp.array(dtype=wp.float64)                   # normal force of the deepest contact of a point [N]
+    s: wp.array(dtype=wp.vec3d)                     # bristle there where the substep ends [m]
+    deep: wp.array(dtype=wp.float64)                # how deep that is [m]
+    near: wp.array(dtype=int)                       # of worlds: 1, a body may be met in this substep
+    first: wp.array(dtype=int)                      # first body of each world, and their number, (worlds + 1,)
+    y: wp.array2d(dtype=wp.vec3d)                   # motion [m] and turn [rad] of bodies, (bodies, 2)
+    left: wp.array(dtype=wp.float64)                # greatest correction of a place of contact [m]
+    ahead: wp.array(dtype=wp.float64)               # force along the last step, and along the correction, of a body
+    gain: wp.array(dtype=wp.float64)
 
 
 @wp.struct

@@ -17,29 +17,12 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.contact import SOFT, STIFF, Touch, rub
+from wsim.kernels.rods.tables import Pressed
 from wsim.kernels.selfcontact import pairs
 
 REAL = wp.float64
 NearPairs, Surfaces = pairs.lists(REAL), pairs.surfaces(REAL)
 FREE = wp.constant(wp.float64(1e-12))      # of what pairs keep: what is less is no distance yet
-
-
-@wp.struct
-class Pressed:
-    """What pairs have, by pair, besides the list's; `of`, `many` by point."""
-
-    kept: wp.array(dtype=wp.float64)               # distance that it keeps now [m]; negative: not known yet
-    k: wp.array(dtype=wp.float64)                  # [N/m]
-    stick: wp.array(dtype=wp.vec3d)                # bristle [m]
-    load: wp.array(dtype=wp.float64)               # normal force of the substep before [N]
-    f: wp.array(dtype=wp.vec3d)                    # force on the first edge [N]
-    K: wp.array(dtype=wp.mat33d)                   # its stiffness [N/m]
-    s: wp.array(dtype=wp.vec3d)                    # bristle where the substep ends [m]
-    N: wp.array(dtype=wp.float64)                  # normal force there [N]
-    cross: wp.array2d(dtype=wp.vec3d)              # K by what the first, second edge moves, (pairs, 2)
-    rough: wp.array(dtype=int)                     # of worlds: > 0, friction is as stiff along its slip as across
-    of: wp.array2d(dtype=int)                      # 4 pair + corner, (points, room)
-    many: wp.array(dtype=int)                      # of them, by point; may be more than there is room for
 
 
 @wp.struct

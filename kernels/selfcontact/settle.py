@@ -9,7 +9,8 @@ that pushes with P [m kg] in a substep h:
     leapfrog   is read behind half a kick, which knows no contact: of what it brings a pair nearer along P, its contact takes
                back up to half of an impulse:  n . sum_k b_k (v_k - w_k) >= 0,   0 <= Q <= |P| / (2 h),   w before the kick;
                where it pushed alike in the substep before, all of the half belongs to the kick. Runge-Kutta steps end with
-               all that forces changed velocities by, where a contact that lasts gives half: read likewise, without a kick
+               all that forces changed velocities by, where a contact that lasts gives half: read likewise, without a kick,
+               and what stands on a collider across its push as it moved (`stand`)
 
 Sweeps of Jacobi with the masses of kernels/selfcontact/rows.py, from Q = 0 or, by leapfrog, from all of the half: at rest it is
 the solution. By BDF2 they go on, and lead ahead, while a pair lacks much. As `settle` of kernels/contact/project.py and
@@ -241,3 +242,29 @@ def combine(real, module):
         out[i] = a * x[i] + b * y[i]
 
     return wp.kernel(combine, name=f"combine_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def stand(real, module):
+    """Kernel over points: where colliders pushed c alike in two substeps of Runge-Kutta, they give half of that again, and
+    across it the velocity u of how the point moved, if they can: what changes within a step is not met by half of what holds
+    against it. That is the others' change no more."""
+    vec3, alike = types(real).vec3, real(ALIKE)
+    vectors = wp.array(dtype=vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def stand_points(point: wp.array(dtype=int), u: vectors, earlier: vectors, v: vectors, change: vectors,
+                     v_out: vectors, change_out: vectors):
+        i = point[wp.tid()]
+        c = change[i]
+        size = wp.length(c)
+        if size > real(0.0) and wp.length(c - earlier[i]) < alike * size:
+            v1 = v[i] + real(0.5) * c
+            more = u[i] - v1
+            more -= (wp.dot(more, c) / (size * size)) * c
+            if wp.length(more) < real(0.5) * size:
+                v1 += more
+            v_out[i] = v1
+            change_out[i] = vec3()
+
+    return stand_points

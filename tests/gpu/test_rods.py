@@ -76,6 +76,23 @@ def test_ropes_that_are_thrown_at_each_other_go_as_on_a_cpu():
     assert all(abs(linked(x)) < 1e-6 for x in one)
 
 
+@pytest.mark.parametrize("on", [False, True], ids=["alone", "touching"])
+def test_a_rope_and_a_box_that_collide_go_as_on_a_cpu(on):
+    """The same bits from run to run; momentum of both."""
+    from tests.physics.rods.test_bodies import masses, thrown
+
+    def thrown_on(device: str):
+        simulation = Simulation(thrown(0.2, on, 3.0), device=device)
+        simulation.run(12)
+        method, rigid = simulation.plan.method("rods"), simulation.plan.method("rigid")
+        m, M = masses(method, rigid)
+        return method.points(0)[0], rigid.poses(), m @ method.points(0)[1] + M @ rigid.velocities()
+    one, again, other = thrown_on("cuda:0"), thrown_on("cuda:0"), thrown_on("cpu")
+    assert all(np.array_equal(a, b) for a, b in zip(one, again, strict=True))
+    assert max(np.abs(a - b).max() for a, b in zip(one[:2], other[:2], strict=True)) < 1e-4
+    assert np.abs(one[2] - 0.2 * np.array([0.5, -3.0, 0.1])).max() < 1e-6 * 0.6
+
+
 def beside(monkeypatch, apart: bool, air: bool):
     """Strands of 14, 9 and 2 points, the first held, that fall on a ball."""
     monkeypatch.setattr(method, "APART", apart)

@@ -159,7 +159,7 @@ def _give_way(sim: Simulation, why: str) -> None:
 
 
 def _refine(sim: Simulation, part: str, row: int) -> None:
-    """Twice the substeps, where a position is no number."""
+    """Twice the substeps, where a position is no number, as at a start: history is of other steps."""
     from wsim.simulation.measure.diagnose import author, first
     clock = sim.plan.clock
     path, where = author(sim.plan, part, row)
@@ -171,7 +171,7 @@ def _refine(sim: Simulation, part: str, row: int) -> None:
         raise SceneError(Problem(path, f"point {where} stopped being a number in frame {sim.frame + 1}, with "
                                  f"{clock.steps} substeps too{said and '; ' + said}; look for infinite velocities or "
                                  f"parameters{hint}"))
-    clock.substeps *= 2
+    clock.substeps, clock.starting = 2 * clock.substeps, True
     sim.warnings.append(f"frame {sim.frame + 1}: point {where} of {path} stopped being a number; repeated with "
                         f"{clock.steps} substeps, which stay")
 
@@ -224,8 +224,8 @@ def _others(state: State) -> list[Part]:
 
 
 def keep_stable(sim: Simulation, name: str, thing=None, path: str = "", value=None, world: int | None = None) -> None:
-    """Explicit steps follow a live parameter that makes the scene stiffer. thing .. world: what was set to what, where that is
-    known."""
+    """Explicit steps follow a live parameter that makes the scene stiffer, and begin anew: leapfrog's velocity is that of half
+    a step before. thing .. world: what was set to what, where that is known."""
     stable, clock = sim.plan.find("least"), sim.plan.clock
     if stable is None or not stiffens(name):
         return
@@ -246,7 +246,7 @@ def keep_stable(sim: Simulation, name: str, thing=None, path: str = "", value=No
         about = f", about {duration(each)} a frame" if least > counts.MANY else ""
         sim.warnings.append(f"frame {sim.frame + 1}: {name} was set; {sim.plan.integrator} now takes {least} substeps instead "
                             f"of {clock.substeps}{about}")
-        clock.substeps, sim.graph = least, None
+        clock.substeps, clock.starting, sim.graph = least, True, None
 
 
 def refused(error: Exception, device) -> SceneError:

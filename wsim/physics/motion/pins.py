@@ -14,7 +14,7 @@ from wsim.model.midnodes import held, spread
 from wsim.model.model import Body, Model
 from wsim.model.stage import Clock, Method, Methods, Stage
 from wsim.model.state import State
-from wsim.model.structs import filled
+from wsim.model.structs import filled, values
 from wsim.scene import Motion, Pin
 
 if TYPE_CHECKING:
@@ -91,6 +91,15 @@ def pins_of(model: Model) -> list[_Pinned]:
     return [_Pinned(p, b) for p in model.scene.pins for b in model.bodies if b.path == p.body]
 
 
+def turns(places: np.ndarray) -> list[np.ndarray]:
+    """Pins in turns, by the place of the point that each pulls: the first pin of each point, the second of those with two.."""
+    order = np.argsort(places, kind="stable")
+    first = np.searchsorted(places[order], places[order])
+    turn = np.empty(len(places), np.int64)
+    turn[order] = np.arange(len(places)) - first
+    return [np.flatnonzero(turn == k).astype(np.int32) for k in range(turn.max() + 1)]
+
+
 class Pins(Method):
     """Stages pose and, where a step of several solves ends, put (hard pins), hold (soft pins). Targets of a whole frame are
     computed in float64, on the host or a GPU, only when a pin moves or was set."""
@@ -151,7 +160,12 @@ class Pins(Method):
         self.soft.damping = self.model.upload(np.repeat([p.part * p.pin.damping for p in group], each), t.scalar)
         self.lam = wp.zeros(n, dtype=t.vec3, device=self.model.device)
         self.hold_kernel = kernels.hold_pins(real, module)
-        self.stages.append(Stage("soft pins", "solve", self.hold, 1, n * 80, "iteration", f"{n} points"))
+        shared = values(self.soft)
+        self.turns = [(len(pins), filled(kernels.soft_pins(real), **shared | {"turn": self.model.upload(pins, int)}))
+                      for pins in turns(self.place["soft"].numpy())]
+        if len(self.turns) == 1:
+            self.turns = [(n, self.soft)]
+        self.stages.append(Stage("soft pins", "solve", self.hold, len(self.turns), n * 80, "iteration", f"{n} points"))
 
     @property
     def moves(self) -> bool:
@@ -202,8 +216,9 @@ class Pins(Method):
         if clock.i == 0:
             (self.model.tape or self.model).zero(self.lam)
         at = filled(kernels.states(self.model.real), x=s.x, d=s.d, a=self.points.anchor)
-        self.model.launch(self.hold_kernel, self.lam.size, [self.soft, self.target["soft"], at, self.lam, clock.k, clock.g],
-                          [s.d, self.lam])
+        for count, soft in self.turns:
+            self.model.launch(self.hold_kernel, count, [soft, self.target["soft"], at, self.lam, clock.k, clock.g],
+                              [s.d, self.lam])
 
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = self.moves

@@ -8,7 +8,7 @@ import numpy as np
 
 from wsim.physics.rigid.mass import inertia
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import CONVEX, acting, as_met, filled, touches
+from wsim.physics.rigid.solids import CONVEX, acting, as_met, filled, met_by_strands, touches
 from wsim.scene import Plane, Problem, Scene, Surface
 from wsim.scene.check import objects
 from wsim.scene.check.objects import error, rigid, warning
@@ -74,7 +74,7 @@ def _support(first: Body, scene: Scene) -> Iterator[Problem]:
     paths = {body.path for body in bodies}
     hangs = any(j.enabled and not {j.body0, j.body1} <= paths for j in scene.things("Joint"))
     pushed = any(body.force.any() for body in bodies)
-    if np.any(scene.gravity) and not (hangs or pushed or scene.colliders or scene.bodies()):
+    if np.any(scene.gravity) and not (hangs or pushed or scene.colliders or scene.bodies() or scene.things("Rods")):
         what = "it falls" if len(bodies) == 1 else f"the {len(bodies)} rigid bodies fall"
         yield warning(first.path, f"no joint holds it and nothing lies below: {what} for ever",
                       "a collider or a joint to the world", "apply PhysicsCollisionAPI to what it should land on, such as a "
@@ -91,9 +91,11 @@ def _beside(body: Body, scene: Scene) -> Iterator[Problem]:
         yield warning(body.path, f"is a rigid body that cloth, springs or soft bodies touch, and contact_width is "
                       f"{scene.contact_width:g} m: a potential before a contact knows no body that gives way, and all contacts "
                       "of this scene are hard", "0", "leave out wsim:contactWidth, or make the body kinematic")
-    if body is scene.things("Body")[0] and scene.contact_tolerance > 0.0 and (touches(scene) or acting(scene)):
+    if body is scene.things("Body")[0] and scene.contact_tolerance > 0.0 and (
+            touches(scene) or acting(scene) or met_by_strands(scene)):
         yield warning("/", f"contact_tolerance is {scene.contact_tolerance:g} m/s, and sweeps are counted where there "
-                      "are joints, or bodies touch cloth, springs or soft bodies", "0", "leave it out, and give iterations")
+                      "are joints, or bodies touch cloth, springs, soft bodies or rods", "0",
+                      "leave it out, and give iterations")
 
 
 def _meshes(body: Body, scene: Scene) -> Iterator[Problem]:

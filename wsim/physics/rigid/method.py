@@ -16,7 +16,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid.mass import Inertia, inertia, weighed
 from wsim.physics.rigid.objects import Body
-from wsim.physics.rigid.solids import acting, kept, meet, meeting, sleeps, standing, touches
+from wsim.physics.rigid.solids import acting, kept, meet, meeting, met_by_strands, sleeps, standing, touches
 from wsim.scene.methods import dressed
 from wsim.scene.samples import Sample, Transform
 
@@ -77,11 +77,11 @@ class Rigid(Method):
 
     def _stages(self, b) -> None:
         self.contacts: Any = None
-        self.touch: Any = None                           # `wsim.physics.rigid.touch.points.Touch`, where there are points
+        self.touch: Any = None                           # `wsim.physics.rigid.touch.substeps.Substeps`, where others push
         self.recorded: Any = None
         what, launches = f"{len(self.bodies)} bodies, all substeps" + (f", {self.joints.what}" if self.joints else ""), 1
-        points = touches(b.scene)
-        if points or meet(b.scene):
+        points, strands = touches(b.scene), bool(met_by_strands(b.scene))
+        if points or strands or meet(b.scene):
             from wsim.physics.rigid.contacts import Contacts
             self.contacts = Contacts(b, self)
             what += f", {self.contacts.shapes} shapes that can meet, {self.contacts.form.what}"
@@ -91,11 +91,11 @@ class Rigid(Method):
         if b.model.gradients:
             from wsim.physics.rigid.recorded.begin import recorded
             self.recorded = self.offers["recorded bodies"] = recorded(self)
-        if points:
-            from wsim.physics.rigid.touch.points import Touch
-            self.touch = Touch(b, self)
+        if points or strands:
+            from wsim.physics.rigid.touch.others import pushed
+            self.touch = pushed(b, self, points)
             self.stages = self.touch.stages
-            self.offers["movers"] = self.touch
+            self.offers |= {"movers": self.touch} if points else {}
             return
         rate, phase = "substep" if self.recorded else "frame", "pose" if dressed(b.scene) else "predict"   # before followers
         self.stages.append(Stage("rigid bodies", phase, self.advance, launches, self.part.bytes, rate, what))

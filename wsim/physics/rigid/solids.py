@@ -149,7 +149,7 @@ def acting(scene) -> list:
 
 def sleeps(scene) -> bool:
     """True if something may sleep: not beside points and fluids, where others may wake it."""
-    return asked(scene) and not (scene.bodies() or scene.things("Liquid") or scene.things("Fluid"))
+    return asked(scene) and not (scene.bodies() or scene.things("Liquid") or scene.things("Fluid") or met_by_strands(scene))
 
 
 def asked(scene) -> bool:
@@ -163,6 +163,14 @@ def touches(scene) -> bool:
         return False
     apart = dressed(scene)
     return any(meeting(body) for body in scene.things("Body") if body.path not in apart)
+
+
+def met_by_strands(scene) -> list[tuple]:
+    """(body, its colliders) of those that rods meet."""
+    if not scene.things("Rods"):
+        return []
+    apart = dressed(scene)
+    return [(body, found) for body in scene.things("Body") if body.path not in apart and (found := meeting(body))]
 
 
 def kept(b) -> tuple:

@@ -1,11 +1,12 @@
 """Problems of rods. NumPy only."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from wsim.physics.rods.objects import LEAST, Rods
-from wsim.scene import Problem, Scene, Surface
+from wsim.scene import Motion, Problem, Scene, Surface
 from wsim.scene.check.objects import error, number, warning
 
 STOUT = 1.0           # diameter over length of an edge from which a strand is no thin rod
@@ -39,10 +40,32 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     if np.any(scene.wind) and not (rods.drag or rods.skin_drag):
         yield warning(path, "strands do not feel the wind: drag and skin_drag are 0", "numbers > 0", "author wsim:drag")
     through = [b.path for b in scene.bodies() if not (rods.self_collision and getattr(b, "self_collision", False))]
-    if through := [*through, *(b.path for b in scene.things("Body"))]:
+    if through:
         yield warning(path, f"strands pass through {', '.join(through[:3])}{', ...' * (len(through) > 3)}",
-                      "colliders, or cloth and soft bodies that collide as strands do",
+                      "colliders, rigid bodies, or cloth and soft bodies that collide as strands do",
                       "give wsim:selfCollision to both, or what they shall meet as a collider")
+    if scene.things("Body"):
+        yield from _bodies(rods, scene)
+
+
+def _bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:
+    """Rigid bodies in which strands begin, and such as they do not meet."""
+    from wsim.physics.rigid.solids import meeting, met_by_strands
+    from wsim.scene.check.signed_distance import distance
+    found = {body.path: colliders for body, colliders in met_by_strands(scene)}
+    if missed := [body.path for body in scene.things("Body") if meeting(body) and body.path not in found]:
+        yield warning(rods.path, f"strands pass through {', '.join(missed[:3])}{', ...' * (len(missed) > 3)}, which drives "
+                      "what a skeleton moves", "what it moves as a collider", "give PhysicsCollisionAPI to that")
+    x = rods.motion.points(rods.points, 0.0)
+    for body in scene.things("Body"):
+        for c in found.get(body.path, ()):
+            where = replace(c, motion=Motion.still(body.motion.at(0.0) @ c.motion.at(0.0)))
+            depth = -distance(where, x, 0.0)
+            if (depth > 0.0).any():
+                k = int(np.argmax(depth))
+                yield warning(rods.path, f"{np.count_nonzero(depth > 0.0)} points begin inside of {c.path}, the deepest, {k}, "
+                              f"by {depth[k]:.3g} m: the first substep throws them out, and {body.path} the other way",
+                              "strands beside it", "move one of both")
 
 
 def _arrays(rods: Rods) -> Iterator[Problem]:

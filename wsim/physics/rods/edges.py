@@ -11,30 +11,12 @@ import warp as wp
 
 from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.tubes import LONG
-from wsim.model.launches import Launches
 from wsim.model.structs import filled
 from wsim.physics.selfcontact.surfaces import TUBE, TUBE_EDGE, ULP, WRITTEN
 
 if TYPE_CHECKING:
     from wsim.physics.rods.tables import Table
-
-
-class Ground(Launches):
-    """The part of a model that search and proof ask for: float64, in a module of its own. points: flat rows of the tables."""
-
-    recorder = tape = fuser = None
-    real, dtype = wp.float64, np.float64
-
-    def __init__(self, module: str, device, points: int, worlds: int, block: int):
-        self.module, self.device, self.points, self.worlds = module, device, points, worlds
-        self.threads = block
-
-    @property
-    def block(self) -> int:
-        return self.threads
-
-    def upload(self, values, dtype):
-        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+    from wsim.physics.rods.together import Ground
 
 
 class Edges:

@@ -54,8 +54,8 @@ def airy(scene: Scene) -> bool:
 
 
 class Strands(Method):
-    """`table`: strands of all rods and worlds. touching: what they touch themselves and each other by, None where none does;
-    among: what they meet surfaces by, likewise."""
+    """`table`: strands of all rods and worlds. touching: what they are solved together by where they touch themselves or
+    rigid bodies, else None; among: what they meet surfaces by, likewise."""
 
     threads = THREADS
 
@@ -66,22 +66,32 @@ class Strands(Method):
         self.table = t = Table([(each, world) for world in range(b.model.worlds) for each in rods])
         touching = any(rods.self_collision for rods in b.scene.things("Rods"))
         meeting = bool(touching and touches(b.scene) and b.model.bodies)       # surfaces: in their substeps
+        bearing = bool(b.scene.things("Body") and self._met(b.scene))          # rigid bodies: likewise
         if meeting:
             from wsim.physics.rods.among import refuse
             refuse(b.scene, b.clock)
-        self.shortest = 1 if meeting else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
+        self.shortest = 1 if meeting or bearing else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
         self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)
         names = self.obstacles.kinds
         self.airy, self.among = airy(b.scene), None      # type: bool, Any
-        apart = not touching and (self.model.device.is_cuda if APART is None else APART)
+        together = touching or bearing
+        apart = not together and (self.model.device.is_cuda if APART is None else APART)
         own = module(names, self.airy, touching, apart) + "_among" * meeting
+        if bearing:
+            from wsim.physics.rods.bodies import named
+            own += named(b.scene, self.model.real)
         b.model.modules[own] = THREADS
-        self._allocate(b, meeting)
+        self._allocate(b, meeting, bearing)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
         self.trial = self._trial()
         self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
-        self.touching = self._touching(own, b.status) if touching else None
+        self.touching: Any = None
+        if together:
+            self.touching = self._touching(own, b.status, touching)
+        if bearing:
+            from wsim.physics.rods.bodies import Bodies
+            self.touching.join(Bodies(self.touching, b.methods.find("bodies")))
         self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
         if self.airy:
             self._breathe(b.scene)
@@ -92,11 +102,18 @@ class Strands(Method):
         else:
             self.stages = [self._stage(own, apart)]
 
+    def _met(self, scene: Scene) -> list:
+        from wsim.physics.rigid.solids import met_by_strands
+        return met_by_strands(scene)
+
     def _stage(self, own: str, apart: bool) -> Stage:
         """The stage that is a frame. own: name of the module of kernels; apart: a launch for each part of an iteration."""
         t = self.table
         points = sum(len(r.points) for r, _ in t.pairs)
         what = f"{t.strands} strands of {points} points, {self.substeps} substeps of "
+        if self.touching and self.touching.bodies:
+            return Stage("rods", "predict", self.touching.substep, 40, self.part.bytes, what=what + "BDF2, or backward Euler "
+                         "beside rigid bodies, float64; solved together with these")
         if self.touching:
             return Stage("rods", "predict", self.touching.advance, 30 * self.substeps, self.part.bytes, "frame",
                          what + "BDF2, or backward Euler where they touch, float64; contact of edges, and a proof")
@@ -107,15 +124,22 @@ class Strands(Method):
         self.kernel = strands(self.obstacles.kinds, self.airy, own)
         return Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame", what + "BDF2 in one launch, float64")
 
-    def _touching(self, name: str, status: Status) -> Any:
-        from wsim.physics.rods.touch import Touching
-        return Touching(self, name, status, self.model.device)
+    def _touching(self, name: str, status: Status, edges: bool) -> Any:
+        """All strands together; edges: with contacts of their edges."""
+        if edges:
+            from wsim.physics.rods.touch import Touching
+            return Touching(self, name, status, self.model.device)
+        from wsim.physics.rods.together import Together
+        return Together(self, name, status, self.model.device)
 
-    def _allocate(self, b, meeting: bool) -> None:
+    def _allocate(self, b, meeting: bool, bearing: bool) -> None:
         t, device, more = self.table, self.model.device, ()           # type: Any, Any, tuple[Field, ...]
         if meeting:
             from wsim.physics.rods.among import PUSH
             more = PUSH
+        if bearing:
+            from wsim.physics.rods.bodies import CLING
+            more += CLING
         self.part = Part.allocate("rods", FIELDS + more, t.longest * t.strands, self.model.real, device)
         self.part.rows = {(rods.path, world): place for (rods, world), place in zip(t.pairs, t.place, strict=True)}
         for name, values in (("x", t.x), ("v", t.v), ("d", t.d), ("u", t.v), ("phi", t.phi[..., None])):

@@ -1,23 +1,21 @@
-"""Strands that touch themselves and each other: substeps one by one, each solved for all strands of a world at once
-(kernels/rods/coupled.py), and ended by the proof that surfaces have (wsim/physics/selfcontact/guarantee.py), of centre lines:
-no edge passes through another. Built where rods say `self_collision`; else strands march by themselves (method.py)."""
+"""Strands that touch themselves and each other: contacts of edges in the substeps of all strands of a world at once
+(together.py), which end with the proof that surfaces have (wsim/physics/selfcontact/guarantee.py), of centre lines: no edge
+passes through another. Built where rods say `self_collision`."""
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.motion.points import states
-from wsim.kernels.rods import conjugate, coupled, touch
-from wsim.kernels.rods.ends import ends
-from wsim.kernels.rods.tables import Step
+from wsim.kernels.rods import coupled, touch
 from wsim.kernels.selfcontact import cut, pairs
 from wsim.model.stage import Clock, Remedy
 from wsim.model.structs import filled
-from wsim.physics.rods.edges import Edges, Ground
+from wsim.physics.rods.edges import Edges
+from wsim.physics.rods.together import Together
 from wsim.physics.selfcontact.guarantee import Guarantee
 from wsim.physics.selfcontact.method import LOSS, MORE, RECOVERY, ROUNDS
 from wsim.physics.selfcontact.near import Near
@@ -32,47 +30,21 @@ ROOM = 48                        # of pairs of a point, at first
 MEMORY = ("kept", "stick", "load", "many", "of")         # what pairs remember from a substep to the next
 
 
-class Touching:
+class Touching(Together):
     def __init__(self, strands: Strands, module: str, status: Status, device):
-        self.strands, self.table, self.status = strands, strands.table, status
+        super().__init__(strands, module, status, device)
         status.reserve(SAID, cut.SAID + 1)
-        t, worlds = self.table, strands.model.worlds
-        self.ground = Ground(module, device, t.longest * t.strands, worlds, strands.threads)
-        self.edges = Edges(t, self.ground)
+        self.edges = Edges(self.table, self.ground)
         self.near = Near(cast(Any, self.ground), cast(Any, self.edges))
         self.guarantee = Guarantee(cast(Any, self.ground), self.near)
-        names = strands.obstacles.kinds
         self.enlist, self.order, self.recall = touch.lists(module)
         self.ready, self.press, self.gather = touch.ready(module), touch.press(module), touch.gather(module)
         self.across, self.keep = touch.across(module), touch.keep(module)
-        (self.begin, self.begin_worlds, self.assemble, self.measure, self.judge, self.take) = coupled.newton(
-            names, strands.airy, module)
-        (self.start, self.apply, self.length, self.step, self.turn, self.aim, self.finish) = conjugate.gradients(module)
-        self.displace, self.settle, self.end, self.touched, self.remember = ends(names, module)
-        self.zeros = partial(wp.zeros, device=device)
         self.sides = filled(touch.Sides, **{k: self.ground.upload(v, int if k == "strand" else wp.float64)
                                             for k, v in vars(self.edges.sides()).items()})
-        self.words, self.d = self.zeros(coupled.WORDS, dtype=int), self.zeros(self.ground.points, dtype=wp.vec3d)
         self.none = self.zeros(self.ground.points, dtype=wp.vec3d)
-        self._coupled(worlds)
         self.deep, self.total, self.frames, self.repeats = ROOM, np.zeros(cut.SAID + 1, np.int64), 0, 0
-        self.often, self.fresh = False, True
         self.room()
-
-    def _coupled(self, worlds: int) -> None:
-        t, zeros = self.table, self.zeros
-        of = self.edges.worlds_of
-        first = np.searchsorted(of, np.arange(worlds + 1)).astype(np.int32)
-        two = (t.longest, t.strands)
-        self.group = filled(
-            coupled.Coupled, first=self.ground.upload(first, int), world=self.ground.upload(of.astype(np.int32), int),
-            **{k: zeros(t.strands, dtype=wp.float64) for k in ("least", "sum", "left", "ahead", "gain")},
-            **{k: zeros(worlds, dtype=int) for k in ("on", "turn", "count", "rounds", "touched", "back", "rough")},
-            **{k: zeros(worlds, dtype=wp.float64) for k in ("scale", "slope", "rho", "rho0", "alpha", "beta")},
-            **{k: zeros(two, dtype=wp.vec4d) for k in ("x", "r", "p", "w", "q", "force", "last")})
-        types = {"pivot": wp.mat44d, "b": wp.vec4d, "press": wp.vec3d, "stiff": wp.mat33d, "along": wp.mat33d}
-        for name, kind in types.items():
-            setattr(self.strands.trial, name, zeros(two, dtype=kind))
 
     def room(self) -> None:
         """Arrays of pairs, as many as the list has room for."""
@@ -84,6 +56,7 @@ class Touching:
                           **{k: zeros(n, dtype=kind) for k, kind in scalars.items() if k in names})
         self.pressed = made(tuple(scalars))
         self.pressed.cross, self.pressed.rough = zeros((n, 2), dtype=wp.vec3d), self.group.rough
+        self.corners = self.near.pairs.b
         self.old, self.saved = made(MEMORY), made(MEMORY)
         self.old_ids, self.saved_ids = (zeros(n, dtype=wp.vec4i) for _ in range(2))
 
@@ -95,48 +68,31 @@ class Touching:
 
     # substeps
 
-    def advance(self, clock: Clock) -> None:
-        self.begin_frame(clock)
-        for k in range(self.strands.substeps):
-            self.solve(k)
-            self.close(k)
-
     def begin_frame(self, clock: Clock) -> None:
-        """What all substeps of a frame read."""
-        s = self.strands
-        s.said.zero_()
-        self.h, self.motion, Q = clock.dt / s.substeps, s.moving(), s.part.arrays
+        super().begin_frame(clock)
+        s, Q = self.strands, self.strands.part.arrays
         self.at = filled(states(wp.float64), x=Q["x"], e=self.none, d=self.d, a=self.none)
         self.way = filled(touch.Way, x=s.trial.x.reshape(-1), x0=Q["x"], v=Q["v"], h=self.h)
 
-    def each(self, kernel, inputs: list, outputs: list) -> None:
-        """Launches a kernel over all strands."""
-        self.ground.launch(kernel, self.table.strands, inputs, outputs)
-
     def solve(self, k: int) -> None:
         """Displacements of a substep, proven."""
-        s, near, G, T, Q = self.strands, self.near, self.group, self.strands.trial, self.motion
-        self.each(self.begin, [s.strands, s.holds, Q, T, G, self.h, k], [])
-        self.each(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
-        wp.capture_if(near.word(pairs.SOON), self.search)
-        wp.capture_if(near.word(pairs.NEAR), self.look)
-        self.ground.launch(self.begin_worlds, self.ground.worlds, [G, self.words], [])
-        wp.capture_while(self.word(coupled.GOING), lambda: self.newton(k))
-        self.each(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
+        super().solve(k)
         self.guarantee.keep(self.at, self.d, self.again, self.said)
 
-    def close(self, k: int) -> None:
-        """The end of a substep, by displacements d."""
-        s, near, G, T, Q = self.strands, self.near, self.group, self.strands.trial, self.motion
-        self.each(self.settle, [s.strands, Q, self.d.reshape(T.x.shape)], [T, G])
-        wp.capture_if(near.word(pairs.NEAR), self.hold)
-        self.each(self.end, [s.strands, s.obstacles.table, Q, T, self.pressed, G, filled(Step, h=self.h, at=k)], [s.said])
-        self.ground.launch(self.touched, self.ground.worlds, [G, self.words], [])
-        self.each(self.remember, [s.strands, G], [Q])
+    def look(self) -> None:
+        """A list where it is time for one, and its pairs where the substep begins."""
+        wp.capture_if(self.near.word(pairs.SOON), self.search)
+        wp.capture_if(self.near.word(pairs.NEAR), self.listed)
 
-    def word(self, k: int) -> wp.array:
-        """One word, as conditions of a graph take it."""
-        return self.words[k:k + 1]
+    def lean(self) -> None:
+        wp.capture_if(self.near.word(pairs.NEAR), self.gathered)
+
+    def hold(self) -> None:
+        wp.capture_if(self.near.word(pairs.NEAR), self.held)
+
+    def cross(self) -> None:
+        near = self.near.pairs
+        self.ground.launch(self.across, near.capacity, [self.edges.data, near, self.group.p.reshape(-1)], [self.pressed])
 
     @property
     def said(self) -> wp.array:
@@ -158,16 +114,16 @@ class Touching:
     def again(self) -> None:
         """A list along the path that was solved for, and where its pairs are."""
         self.search(0)
-        self.look()
+        self.listed()
 
-    def look(self) -> None:
+    def listed(self) -> None:
         """Pairs where the substep begins."""
         self.guarantee.begin(self.at)
         near = self.near.pairs
         self.ground.launch(self.ready, near.capacity, [near, self.sides, RECOVERY * self.h, self.h * self.h,
                                                        self.word(coupled.FIRST)], [self.pressed])
 
-    def lean(self) -> None:
+    def forces(self) -> None:
         """Forces of pairs."""
         near = self.near.pairs
         self.ground.launch(self.press, near.capacity, [self.edges.data, near, self.sides, self.way],
@@ -175,41 +131,15 @@ class Touching:
 
     def gathered(self) -> None:
         T = self.strands.trial
-        self.lean()
+        self.forces()
         self.ground.launch(self.gather, len(self.edges.points), [self.edges.data, self.near.pairs, self.pressed,
                                                                  self.table.strands],
                            [T.press.reshape(-1), T.stiff.reshape(-1), T.along.reshape(-1)])
 
-    def hold(self) -> None:
+    def held(self) -> None:
         """Pairs where the substep ends."""
-        self.lean()
+        self.forces()
         self.ground.launch(self.keep, self.near.pairs.capacity, [self.near.pairs], [self.pressed])
-
-    def newton(self, k: int) -> None:
-        """One iteration."""
-        s, G, T = self.strands, self.group, self.strands.trial
-        wp.capture_if(self.near.word(pairs.NEAR), self.gathered)
-        self.each(self.assemble, [s.strands, s.obstacles.table, self.motion, T, G, self.h, k], [])
-        wp.capture_if(self.word(coupled.ACTIVE), self.couple)
-        self.each(self.measure, [s.strands, T], [G])
-        self.ground.launch(self.judge, 1, [G, self.words], [])
-        self.each(self.take, [s.strands, T, G], [])
-
-    def couple(self) -> None:
-        """The correction of all strands together."""
-        self.ground.launch(self.start, 1, [self.group, self.words], [])
-        wp.capture_while(self.word(coupled.TURNING), self.round)
-        self.each(self.finish, [self.strands.strands, self.strands.trial, self.group], [])
-
-    def round(self) -> None:
-        """One round of conjugate gradients."""
-        s, G, T, launch, near = self.strands.strands, self.group, self.strands.trial, self.ground.launch, self.near.pairs
-        launch(self.across, near.capacity, [self.edges.data, near, G.p.reshape(-1)], [self.pressed])
-        self.each(self.apply, [s, self.pressed, near.b, G], [])
-        launch(self.length, self.ground.worlds, [G], [])
-        self.each(self.step, [s, T, G], [])
-        launch(self.turn, 1, [G, self.words], [])
-        self.each(self.aim, [s, T, G], [])
 
     # around a frame
 
@@ -234,12 +164,12 @@ class Touching:
         said = self.status.said(SAID)
         wanted, full = int(said[cut.WANTED]), int(said[FULL])
         if wanted or full:
-            return [Remedy("grow", lambda: self.grow(wanted, full))]
+            return [*super().retry(), Remedy("grow", lambda: self.grow(wanted, full))]
         if said[cut.LOST] > LOSS and not self.often:
             self.often = True
             self.repeats += 1
-            return [Remedy("grow")]
-        return []
+            return [*super().retry(), Remedy("grow")]
+        return super().retry()
 
     def grow(self, wanted: int, full: int) -> str:
         before, ids = self.near.pairs.capacity, self.saved_ids
@@ -283,4 +213,4 @@ class Touching:
             found["rod_gap"] = float(near.away.numpy()[:count].min())
             k, N = self.pressed.k.numpy()[:count], self.pressed.load.numpy()[:count]
             found["rod_pressed"] = float((N / np.maximum(k * near.keep.numpy()[:count], 1e-300)).max())
-        return found | {"rod_pairs": float(count), "rod_repeated": float(self.repeats)}
+        return super().indicators() | found | {"rod_pairs": float(count), "rod_repeated": float(self.repeats)}

@@ -42,6 +42,9 @@ class Settle:
             found["give"] = settle.give(real, module)
         n, vec3 = self.method.surfaces.total, types(real).vec3
         self.v, self.given, self.lasting = (wp.zeros(n, dtype=vec3, device=self.model.device) for _ in range(3))
+        if self.clock.integrator.stages:
+            found["stand"] = settle.stand(real, module)
+            self.went = [wp.zeros(n, dtype=vec3, device=self.model.device) for _ in range(2)]
         return found
 
     def room(self) -> None:
@@ -60,6 +63,11 @@ class Settle:
         if self.halved and (port := others.find("impacts")) is not None:
             port.append(self.half)
             self.earlier = others.find("earlier")
+
+    @property
+    def staged(self) -> bool:
+        """True for Runge-Kutta steps, more than one in a frame: what stands on colliders is read by how it moves."""
+        return bool(self.clock.integrator.stages) and self.clock.substeps > 1
 
     def pairs(self, name: str, inputs: list, outputs: list) -> None:
         self.model.launch(self.kernels[name], self.threads, [*inputs, self.threads], outputs)
@@ -128,8 +136,10 @@ class Settle:
             return
         s = self.state
         if self.halved:
-            out = self.given if clock.k == clock.substeps - 1 else self.lasting
-            self.combine(1.0, self.given, 1.0 / clock.h, s.d, out)
+            last = clock.k == clock.substeps - 1
+            self.combine(1.0, self.given, 1.0 / clock.h, s.d, self.given if last else self.lasting)
+            if self.staged:
+                self.combine(1.0, s.d, -1.0, s.e, self.went[last])
         else:
             wp.capture_if(self.aims.count, lambda: self.forget(clock))
 
@@ -156,6 +166,12 @@ class Settle:
             earlier = self.earlier()
             self.combine(1.0, earlier, -1.0, self.lasting, earlier)
         wp.capture_if(self.aims.count, self.take)
+        if self.staged:
+            before, now = self.went
+            self.combine(1.5 / self.clock.h, now, -0.5 / self.clock.h, before, before)
+            data, v = self.method.surfaces.data, self.state.v
+            self.model.launch(self.kernels["stand"], self.method.surfaces.own["points"],
+                              [data.point, before, earlier, v, change], [v, change])
 
     def take(self) -> None:
         """Contacts take back their part of the kick."""

@@ -18,12 +18,12 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid.touch import points as touch
 from wsim.kernels.rigid.touch import rebound
 from wsim.kernels.rigid.touch import star as stars
-from wsim.kernels.rigid.touch.step import touch_step
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.structs import filled
 from wsim.physics.rigid.meetings import places_of
-from wsim.physics.rigid.solids import asked, meeting
+from wsim.physics.rigid.solids import meeting
 from wsim.physics.rigid.touch.half import Half
+from wsim.physics.rigid.touch.substeps import Substeps
 from wsim.scene import Collider, Motion
 
 LANES = 64                   # threads of a block that sum over the contacts of a body
@@ -31,12 +31,13 @@ ROUNDS = 8                   # of stars and sweeps in a substep, at least, where
 SLOW = 0.05                  # [m/s] of approach below which nothing is thrown back, as wsim.physics.carrier.pairs.SLOW
 
 
-class Touch:
+class Touch(Substeps):
     """The offer of bodies to those who make contacts of points, as "movers"."""
 
     def __init__(self, b, rigid):
         """rigid: the method, whose `contacts` are made."""
-        self.model, self.state, self.rigid, self.real = b.model, b.state, rigid, b.model.real
+        super().__init__(b, rigid)
+        self.state, self.real = b.state, b.model.real
         self.status, self.clock = b.status, b.clock
         if b.choice.solver == "implicit":
             from wsim.physics.rigid.touch.newton import UNFORESEEN
@@ -49,8 +50,6 @@ class Touch:
         self.memory = b.clock.integrator.memory > 0.0
         self.rises, self.alone = bouncing or self.memory, len(self.owners) == 1 and not b.scene.colliders
         self.rounds = 1 if self.alone else max(1, ceil(ROUNDS / b.clock.iterations))
-        self.form = rigid.contacts.form
-        self.step = self.form.parts(touch_step, rigid.contacts.bouncing)
         self.lanes, module = 1, b.model.module
         if b.model.device.is_cuda:                       # blocks of another size stand in a module of their own
             self.lanes, module = LANES, b.model.module_of(LANES)
@@ -61,14 +60,7 @@ class Touch:
         self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
         self.before = wp.zeros_like(b.state.x) if self.memory else None          # anchors before a search
         self.bounds = colour.bounds(b.model.module)
-        self.joints = rigid.joints.passes() if rigid.joints else None
-        self.foreseen: Any = None                        # `wsim.physics.rigid.touch.newton.Foreseen`
         self.half: Half | None = None
-        size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
-        if asked(b.scene):
-            what += "; none sleeps, as points never do"
-        self.stages = [Stage("rigid bodies", "predict", self.begin, 1, size, what=what),
-                       Stage("rigid bodies: places", "finish", self.end, 2, size, what="and what pushed them apart")]
 
     def colliders(self, world: int) -> list[Collider]:
         """Shapes of the bodies of a world, where they start."""
@@ -158,34 +150,9 @@ class Touch:
 
     # a substep
 
-    def steps(self, clock: Clock) -> list:
-        own = self.rigid.contacts
-        return [wp.vec3i(clock.k, clock.k + 1, own.sweeps), clock.h, self.form.threads, own.rig()]
-
-    def begin(self, clock: Clock) -> None:
-        """Forces on bodies; manifolds where it is time for them."""
-        own, k = self.rigid.contacts, clock.k
-        ends = own.ends(clock)
-        if k in ends[:-1]:
-            own.manifolds(clock, k, ends[ends.index(k) + 1])
-        self.form.launch(self.step[0], self.steps(clock), [])
-        self.joined(clock, lined=k, reset=(k, clock.h))
-        self.joined(clock)
-
-    def joined(self, clock: Clock, **passes) -> None:
-        """Passes of joints, a sweep where none is named; bodies are placed by all of their momentum, as points foresee."""
-        if self.joints:
-            for name, given in (passes or {"joined": (clock.k, clock.h)}).items():
-                self.joints(name, given, self.rigid.contacts)
-
     def end(self, clock: Clock) -> None:
         """Bodies go where they go."""
-        own = self.rigid.contacts
-        self.joined(clock)
-        self.form.launch(self.step[2], self.steps(clock), [])
-        self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
-        if clock.k + 1 in own.ends(clock):
-            own.keep()
+        super().end(clock)
         if self.foreseen:
             self.foreseen.keep()
         if self.half and clock.k + 1 == clock.substeps:

@@ -1,0 +1,201 @@
+"""Rigid bodies and points of strands, solved at once: Newton's system of the strands (kernels/rods/coupled.py) has the motion
+of every body that they touch among its unknowns. Their contacts: kernels/rigid/touch/strand_contacts.py.
+
+A body goes where its momentum leads it, and is moved from there by xi = (u [m], a [rad]) about its centre of mass; a place at
+the arm r from it by J xi = u + a x r. With the law of kernels/rods/contact.py, a force f on the point and K = -df/dx,
+
+    point     (A + K) z - K J zeta = f + ...            z, zeta: corrections of points and of bodies
+    body      (W + sum J^T K J) zeta - sum J^T K z = -W xi - sum J^T f,        W = (m, I) / h^2
+
+Bodies are eliminated: with D = W + sum J^T K J, zeta = D^-1 (b + sum J^T K z), and what is left of them among the points is
+K - K J D^-1 J^T K, which conjugate gradients take (kernels/rods/conjugate.py), in 6 rounds a body at most. What a body gets in
+the end is the momentum of how far it was moved, m u / h and I a / h: the sum of the linear equations that points were solved
+with, so that both together keep theirs, whatever Newton's method has left. Arms are those of the points, so that angular
+momentum is what points lose of theirs.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.motion import double3
+from wsim.kernels.rods.coupled import ACTIVE, Coupled
+from wsim.kernels.rods.tables import Borne, Strands, Trial
+
+
+@wp.struct
+class Carried:
+    """Bodies in a substep: by body, by shape of one, and of contacts in the order of bodies."""
+
+    h: wp.float64                                   # of the substep [s]
+    c0: wp.array(dtype=wp.vec3d)                    # centre of mass where the substep begins, and where momentum leads it [m]
+    c1: wp.array(dtype=wp.vec3d)
+    q0: wp.array(dtype=wp.quatd)                    # orientation of the principal axes likewise
+    q1: wp.array(dtype=wp.quatd)
+    m: wp.array(dtype=wp.float64)                   # [kg]
+    J: wp.array(dtype=wp.mat33d)                    # inertia in the world [kg m^2]
+    xi: wp.array2d(dtype=wp.vec3d)                  # u [m], a [rad], (bodies, 2); r, z, last likewise
+    r: wp.array2d(dtype=wp.vec3d)                   # right-hand side
+    z: wp.array2d(dtype=wp.vec3d)                   # correction
+    last: wp.array2d(dtype=wp.vec3d)                # the last step
+    P: wp.array(dtype=wp.mat33d)                    # of D: inverse of its first block, its second, inverse of the rest
+    X: wp.array(dtype=wp.mat33d)
+    H: wp.array(dtype=wp.mat33d)
+    begin: wp.array(dtype=wp.vec3d)                 # where a body's x is counted from [m]
+    body: wp.array(dtype=int)                       # of a shape
+    world: wp.array(dtype=int)                      # of a shape
+    place: wp.array(dtype=wp.transformd)            # of a shape in the frame of the centre of mass and the principal axes
+    size: wp.array(dtype=wp.vec4d)                  # middle of a ball about a shape, in its frame, and its radius [m]
+    pose0: wp.array(dtype=wp.transformd)            # of a shape where the substep begins, and in the trial
+    pose1: wp.array(dtype=wp.transformd)
+    ball: wp.array(dtype=wp.vec4d)                  # middle in the trial, radius [m]
+    first: wp.array(dtype=int)                      # contacts of each body, and their number, (bodies + 1,)
+    slot: wp.array(dtype=int)                       # point * room + number of a contact
+    strand: wp.array(dtype=int)                     # world of a strand
+    stick: wp.array2d(dtype=wp.vec3d)               # of points: bristle [m], normal force of the substep before [N]
+    load: wp.array2d(dtype=wp.float64)
+
+
+@cache
+def keys(module: str):
+    """Kernel over contacts: the body of each, or the number of bodies where there is none."""
+    @wp.kernel(module=module, enable_backward=False)
+    def key_contacts(B: Borne, bodies: int, key_out: wp.array(dtype=int), slot_out: wp.array(dtype=int)):
+        j = wp.tid()
+        room = B.body.shape[1]
+        p = j / room
+        body = bodies
+        if j - p * room < B.many[p]:
+            body = B.body[p, j - p * room]
+        key_out[j] = body
+        slot_out[j] = j
+
+    return key_contacts
+
+
+@cache
+def bodily(module: str):
+    """Kernels over bodies: lean, forces and D where an iteration begins, and y = D^-1 b; cross, y = D^-1 sum J^T K p of motions
+    p of points; measure, corrections; take, them or a part."""
+    @wp.func
+    def solved(W: Carried, i: int, u: wp.vec3d, a: wp.vec3d):
+        """D^-1 (u, a)."""
+        turn = W.H[i] * (a - wp.transpose(W.X[i]) * (W.P[i] * u))
+        return W.P[i] * (u - W.X[i] * turn), turn
+
+    @wp.kernel(module=module, enable_backward=False)
+    def lean_bodies(W: Carried, B: Borne, words: wp.array(dtype=int)):
+        i = wp.tid()
+        room = B.body.shape[1]
+        hh = W.h * W.h
+        P = wp.identity(n=3, dtype=wp.float64) * (W.m[i] / hh)
+        X = wp.mat33d()
+        H = W.J[i] * (wp.float64(1.0) / hh)
+        u = W.xi[i, 0] * (-W.m[i] / hh)
+        a = W.J[i] * W.xi[i, 1] * (wp.float64(-1.0) / hh)
+        for j in range(W.first[i], W.first[i + 1]):
+            p = W.slot[j] / room
+            c = W.slot[j] - p * room
+            K = B.K[p, c]
+            r = wp.skew(B.arm[p, c])
+            P += K
+            X -= K * r
+            H -= r * K * r
+            u -= B.f[p, c]
+            a -= wp.cross(B.arm[p, c], B.f[p, c])
+        if W.first[i + 1] > W.first[i]:
+            wp.atomic_max(words, ACTIVE, 1)
+        W.P[i] = wp.inverse(P)
+        W.X[i] = X
+        W.H[i] = wp.inverse(H - wp.transpose(X) * W.P[i] * X)
+        W.r[i, 0] = u
+        W.r[i, 1] = a
+        y, turn = solved(W, i, u, a)
+        B.y[i, 0] = y
+        B.y[i, 1] = turn
+        B.ahead[i] = wp.dot(u, W.last[i, 0]) + wp.dot(a, W.last[i, 1])
+
+    @wp.func
+    def pulled(S: Strands, B: Borne, W: Carried, p: wp.array2d(dtype=wp.vec4d), i: int):
+        """sum J^T K p."""
+        room = B.body.shape[1]
+        m = S.points.shape[0]
+        u = wp.vec3d()
+        a = wp.vec3d()
+        for j in range(W.first[i], W.first[i + 1]):
+            point = W.slot[j] / room
+            c = W.slot[j] - point * room
+            row = point / m
+            k = point - row * m
+            if S.hold[row, k] < 0:
+                f = B.K[point, c] * wp.vec3d(p[row, k][0], p[row, k][1], p[row, k][2])
+                u += f
+                a += wp.cross(B.arm[point, c], f)
+        return u, a
+
+    @wp.kernel(module=module, enable_backward=False)
+    def cross_bodies(S: Strands, G: Coupled, W: Carried, B: Borne):
+        i = wp.tid()
+        u, a = pulled(S, B, W, G.p, i)
+        y, turn = solved(W, i, u, a)
+        B.y[i, 0] = y
+        B.y[i, 1] = turn
+
+    @wp.kernel(module=module, enable_backward=False)
+    def measure_bodies(S: Strands, T: Trial, W: Carried, B: Borne):
+        i = wp.tid()
+        u, a = pulled(S, B, W, T.z, i)
+        y, turn = solved(W, i, W.r[i, 0] + u, W.r[i, 1] + a)
+        W.z[i, 0] = y
+        W.z[i, 1] = turn
+        most = wp.float64(0.0)
+        for j in range(W.first[i], W.first[i + 1]):
+            point = W.slot[j] / B.body.shape[1]
+            most = wp.max(most, wp.length(y + wp.cross(turn, B.arm[point, W.slot[j] - point * B.body.shape[1]])))
+        B.left[i] = most
+        B.gain[i] = wp.dot(y, W.r[i, 0]) + wp.dot(turn, W.r[i, 1])
+
+    @wp.kernel(module=module, enable_backward=False)
+    def take_bodies(G: Coupled, W: Carried, world: wp.array(dtype=int)):
+        i = wp.tid()
+        k = world[i]
+        if G.on[k] == 0:
+            return
+        a = G.scale[k]
+        for c in range(2):
+            z = W.z[i, c]
+            if G.back[k] > 0:
+                z = W.last[i, c]
+                W.last[i, c] = z * (wp.float64(1.0) + a)
+            else:
+                W.last[i, c] = z * a
+            W.xi[i, c] = W.xi[i, c] + z * a
+
+    return lean_bodies, cross_bodies, measure_bodies, take_bodies
+
+
+@cache
+def ends(real, module: str):
+    """Kernels: momenta of bodies that were moved, over bodies; bristles, over points."""
+    t, Rig = types(real), whole(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def give_bodies(W: Carried, rig: Rig):
+        i = wp.tid()
+        if W.first[i + 1] == W.first[i] and wp.length_sq(W.xi[i, 0]) + wp.length_sq(W.xi[i, 1]) == wp.float64(0.0):
+            return
+        p = double3(rig.now.p[i]) + W.xi[i, 0] * (W.m[i] / W.h)
+        L = double3(rig.now.L[i]) + W.J[i] * W.xi[i, 1] / W.h
+        rig.now.p[i] = t.vec3(real(p[0]), real(p[1]), real(p[2]))
+        rig.now.L[i] = t.vec3(real(L[0]), real(L[1]), real(L[2]))
+        rig.work.touched[i] = 1
+
+    @wp.kernel(module=module, enable_backward=False)
+    def cling_points(B: Borne, stick_out: wp.array(dtype=wp.vec3d), load_out: wp.array(dtype=wp.float64)):
+        p = wp.tid()
+        stick_out[p] = B.s[p]
+        load_out[p] = B.N[p]
+
+    return give_bodies, cling_points

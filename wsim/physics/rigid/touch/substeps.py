@@ -1,0 +1,70 @@
+"""Substeps of rigid bodies in three parts, between which others push them (kernels/rigid/touch/step.py): forces, sweeps of
+their own contacts, places."""
+
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.rigid.touch.step import touch_step
+from wsim.model.stage import Clock, Methods, Stage
+from wsim.physics.rigid.solids import asked
+
+
+class Substeps:
+    """The parts as stages: `begin`, and `end` behind what pushes. rigid: the method, whose `contacts` are made."""
+
+    foreseen: Any = None                                 # `wsim.physics.rigid.touch.newton.Foreseen`
+
+    def __init__(self, b, rigid):
+        self.model, self.rigid = b.model, rigid
+        self.form = rigid.contacts.form
+        self.step = self.form.parts(touch_step, rigid.contacts.bouncing)
+        self.joints = rigid.joints.passes() if rigid.joints else None
+        size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
+        if asked(b.scene):
+            what += "; none sleeps, as points never do"
+        self.stages = [Stage("rigid bodies", "predict", self.begin, 1, size, what=what),
+                       Stage("rigid bodies: places", "finish", self.end, 2, size, what="and what pushed them apart")]
+
+    def meet(self, others: Methods) -> None:
+        """Connects itself with what other methods offer."""
+
+    def before_frame(self) -> None:
+        """What a frame needs on the host."""
+
+    def indicators(self) -> dict[str, float]:
+        return {}
+
+    def steps(self, clock: Clock) -> list:
+        own = self.rigid.contacts
+        return [wp.vec3i(clock.k, clock.k + 1, own.sweeps), clock.h, self.form.threads, own.rig()]
+
+    def begin(self, clock: Clock) -> None:
+        """Forces on bodies; manifolds where it is time for them."""
+        own, k = self.rigid.contacts, clock.k
+        ends = own.ends(clock)
+        if k in ends[:-1]:
+            own.manifolds(clock, k, ends[ends.index(k) + 1])
+        self.form.launch(self.step[0], self.steps(clock), [])
+        self.joined(clock, lined=k, reset=(k, clock.h))
+        self.joined(clock)
+
+    def joined(self, clock: Clock, **passes) -> None:
+        """Passes of joints, a sweep where none is named; bodies are placed by all of their momentum, as points foresee."""
+        if self.joints:
+            for name, given in (passes or {"joined": (clock.k, clock.h)}).items():
+                self.joints(name, given, self.rigid.contacts)
+
+    def sweep(self, clock: Clock) -> None:
+        """Sweeps over the contacts of bodies among themselves and with colliders, and over joints."""
+        self.form.launch(self.step[1], self.steps(clock), [])
+        self.joined(clock)
+
+    def end(self, clock: Clock) -> None:
+        """Bodies go where they go."""
+        own = self.rigid.contacts
+        self.joined(clock)
+        self.form.launch(self.step[2], self.steps(clock), [])
+        self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
+        if clock.k + 1 in own.ends(clock):
+            own.keep()

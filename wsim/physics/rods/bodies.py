@@ -1,0 +1,199 @@
+"""Strands that meet rigid bodies, both ways: a body's motion is among the unknowns of the strands' substeps (together.py),
+which are those of the bodies (wsim/physics/rigid/touch/substeps.py). Equations: kernels/rigid/touch/strands.py.
+
+A substep of strands stands between the forces on bodies and the sweeps over their own contacts: what bears a body otherwise
+pushes it back there. Contacts of a point with bodies are counted; where there are more than there is room for, the frame is
+repeated with room.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.carrier import colour
+from wsim.kernels.math.real import types
+from wsim.kernels.rigid.touch import strand_contacts, strands
+from wsim.kernels.rods.tables import Borne
+from wsim.model.stage import Remedy
+from wsim.model.state import Field
+from wsim.model.structs import filled
+from wsim.physics.contact.mesh import Mesh
+from wsim.physics.rigid.meetings import places_of
+from wsim.physics.rigid.solids import met_by_strands
+from wsim.physics.rods.colliders import Obstacles, kinds
+from wsim.scene import Surface
+from wsim.scene.solids import Plane, row
+
+if TYPE_CHECKING:
+    from wsim.physics.rods.together import Together
+
+CLING = (Field("cling", "m", True, "bristle of a point that touches a rigid body", "vec3d"),
+         Field("bears", "N", True, "normal force of a rigid body on it", "double"))
+FULL = "rods on bodies"                # status word
+ROOM = 2                               # of contacts of a point, at first
+
+
+def named(scene, real) -> str:
+    """What stands in the name of the module of kernels that meet the bodies of a scene: kinds of shapes, precision."""
+    shapes = [c for _, colliders in met_by_strands(scene) for c in colliders]
+    found = kinds([Mesh.build(c) if isinstance(c.shape, Surface) else None for c in shapes], shapes)
+    return "_".join(("_bodies", *sorted(set(found)), types(real).name))
+
+
+class Bodies:
+    """rigid: the method of the bodies (`wsim.physics.rigid.method.Rigid`)."""
+
+    def __init__(self, together: Together, rigid):
+        self.together, self.rigid, self.status = together, rigid, together.status
+        self.ground, s = together.ground, together.strands
+        self.status.reserve(FULL)
+        meeting = {id(body): colliders for body, colliders in met_by_strands(s.model.scene)}
+        owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in meeting.get(id(body), ())]
+        own, rows = [c for *_, c in owners], [k for k, *_ in owners]
+        self.shapes = Obstacles(own, s.table, s.model.device, 0)
+        self._tables(owners, places_of([rigid.masses[k] for k in rows], own, np.zeros((len(own), 3))), s)
+        real, module = s.model.real, self.ground.module
+        self.place, self.pose = strand_contacts.places(real, module)
+        self.nearing, self.anew = strand_contacts.nearing(self.shapes.kinds, module)
+        self.meeting, self.keys = strand_contacts.meet(self.shapes.kinds, module), strands.keys(module)
+        self.leaning, self.crossing, self.measuring, self.taking = strands.bodily(module)
+        self.giving, self.cling = strands.ends(real, module)
+        self.bounds = colour.bounds(module)
+        self.depth = ROOM
+        self.room()
+
+    def _tables(self, owners: list, places: np.ndarray, s) -> None:
+        """Constants, and room for what a substep finds."""
+        up, device, n, shapes = self.ground.upload, self.ground.device, len(self.rigid.bodies), len(owners)
+        worlds = np.array([world for _, world in self.rigid.bodies])
+        two, part = (s.table.longest, s.table.strands), s.part.arrays
+        balls = np.array([self._ball(k) for k in range(shapes)]).reshape(-1, 4)
+
+        def zeros(dtype, *shape):
+            return wp.zeros(shape, dtype=dtype, device=device)
+        self.world = up(worlds.astype(np.int32), int)
+        self.carried = filled(
+            strands.Carried, begin=up(self.rigid.origin, wp.vec3d), body=up(np.array([k for k, *_ in owners], np.int32), int),
+            world=up(np.array([w for _, w, _ in owners], np.int32), int), place=up(places, wp.transformd),
+            size=up(balls, wp.vec4d), strand=self.together.group.world, stick=part["cling"].reshape(two),
+            load=part["bears"].reshape(two), m=zeros(wp.float64, n), J=zeros(wp.mat33d, n), first=zeros(int, n + 1),
+            ball=zeros(wp.vec4d, shapes), **{name: zeros(wp.vec3d, n) for name in ("c0", "c1")},
+            **{name: zeros(wp.quatd, n) for name in ("q0", "q1")}, **{name: zeros(wp.mat33d, n) for name in ("P", "X", "H")},
+            **{name: zeros(wp.vec3d, n, 2) for name in ("xi", "r", "z", "last")},
+            **{name: zeros(wp.transformd, shapes) for name in ("pose0", "pose1")})
+        first = np.searchsorted(worlds, np.arange(s.model.worlds + 1)).astype(np.int32)
+        points = self.ground.points
+        self.borne = filled(
+            Borne, first=up(first, int), near=zeros(int, s.model.worlds), y=zeros(wp.vec3d, n, 2), many=zeros(int, points),
+            s=zeros(wp.vec3d, points), **{name: zeros(wp.float64, points) for name in ("N", "deep")},
+            **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")})
+        self.word = zeros(int, 1)
+        for name, kind in (("lift", wp.vec3d), ("firm", wp.mat33d)):
+            setattr(s.trial, name, zeros(kind, *two))
+
+    def _ball(self, k: int) -> tuple:
+        """Middle and radius of a ball about a shape, in its frame [m]; of one without an end 1e9."""
+        mesh = self.shapes.meshes[k]
+        if mesh is not None:
+            return (*mesh.center, mesh.radius)
+        shape = self.shapes.colliders[k].shape
+        return (0.0, 0.0, 0.0, 1e9 if isinstance(shape, Plane) else row(shape).ball(shape))
+
+    def room(self) -> None:
+        """Arrays of contacts, `depth` a point."""
+        points, B, W, device = self.ground.points, self.borne, self.carried, self.ground.device
+        for name, kind in (("body", int), ("arm", wp.vec3d), ("f", wp.vec3d), ("K", wp.mat33d)):
+            setattr(B, name, wp.zeros((points, self.depth), dtype=kind, device=device))
+        self.count = points * self.depth
+        self.numbers, W.slot = (wp.zeros(2 * self.count, dtype=int, device=device) for _ in range(2))
+        wp.utils.radix_sort_pairs(self.numbers, W.slot, self.count)      # takes its memory, which a capture cannot
+
+    # a substep
+
+    def launch(self, kernel, dim: int, inputs: list, outputs: list) -> None:
+        self.ground.launch(kernel, dim, inputs, outputs)
+
+    def over(self, kernel, *given) -> None:
+        """Launches a kernel over bodies."""
+        self.launch(kernel, len(self.rigid.bodies), list(given), [])
+
+    def begin(self) -> None:
+        """Where bodies are and go, and which worlds have one near a strand."""
+        t, s, W, B = self.together, self.together.strands, self.carried, self.borne
+        self.word.zero_()
+        B.near.zero_()
+        W.h = t.h
+        self.over(self.place, self.rigid.contacts.rig(), W, B)
+        self.launch(self.pose, len(W.body), [W], [])
+        self.launch(self.nearing, self.ground.points, [self.shapes.table, s.strands, t.motion, s.trial, W, B], [self.word])
+        wp.capture_if(self.word, self._anew)
+
+    def _anew(self) -> None:
+        t = self.together
+        self.launch(self.anew, self.ground.points, [t.strands.strands, self.carried, self.borne, t.motion], [])
+
+    def meet(self) -> None:
+        """Contacts in the trial, in the order of bodies, in an iteration."""
+        wp.capture_if(self.word, self._meet)
+
+    def _meet(self) -> None:
+        W, B, n = self.carried, self.borne, len(self.rigid.bodies)
+        self._points()
+        self.launch(self.keys, self.count, [B, n], [self.numbers, W.slot])
+        wp.utils.radix_sort_pairs(self.numbers, W.slot, self.count)
+        self.launch(self.bounds, n + 1, [self.numbers, self.count], [W.first])
+
+    def _points(self) -> None:
+        t, s = self.together, self.together.strands
+        self.launch(self.meeting, self.ground.points, [self.shapes.table, s.strands, t.motion, s.trial, self.carried,
+                                                       self.borne], [self.status.word(FULL)])
+
+    def lean(self) -> None:
+        """Systems of bodies."""
+        wp.capture_if(self.word, lambda: self.over(self.leaning, self.carried, self.borne, self.together.words))
+
+    def cross(self) -> None:
+        """What bodies give way as points are moved by G.p."""
+        t = self.together
+        wp.capture_if(self.word, lambda: self.over(self.crossing, t.strands.strands, t.group, self.carried, self.borne))
+
+    def measure(self) -> None:
+        """Corrections of bodies."""
+        s = self.together.strands
+        wp.capture_if(self.word, lambda: self.over(self.measuring, s.strands, s.trial, self.carried, self.borne))
+
+    def take(self) -> None:
+        wp.capture_if(self.word, self._take)
+
+    def _take(self) -> None:
+        self.over(self.taking, self.together.group, self.carried, self.world)
+        self.launch(self.pose, len(self.carried.body), [self.carried], [])
+
+    def give(self) -> None:
+        """Momenta of bodies."""
+        wp.capture_if(self.word, lambda: self.over(self.giving, self.carried, self.rigid.contacts.rig()))
+
+    def hold(self) -> None:
+        """What points remember of a substep."""
+        wp.capture_if(self.word, self._points)
+        part = self.together.strands.part.arrays
+        self.launch(self.cling, self.ground.points, [self.borne], [part["cling"], part["bears"]])
+
+    # around a frame
+
+    def retry(self) -> list[Remedy]:
+        wanted = int(self.status.said(FULL)[0])
+
+        def more() -> str:
+            self.depth = wanted + 1
+            self.room()
+            return f"{wanted} rigid bodies touched a point of rods, more than there was room for"
+        return [Remedy("grow", more)] if wanted > self.depth else []
+
+    def indicators(self) -> dict[str, float]:
+        """Points that press a rigid body where the last substep ended, and how deep they are in it [m]."""
+        N, deep = self.borne.N.numpy(), self.borne.deep.numpy()
+        return {"rod_bodies": float(np.count_nonzero(N)), "rod_body_depth": float(deep.max(initial=0.0))}

@@ -1,0 +1,207 @@
+"""Strands that are solved together, for all of a world at once (kernels/rods/coupled.py), substep by substep: what rigid bodies
+are pushed by (bodies.py), and, with the contacts of edges and the proof, what touches itself (touch.py). Else strands march by
+themselves (method.py)."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.rods import conjugate, coupled, tables
+from wsim.kernels.rods.ends import ends
+from wsim.kernels.rods.tables import Step
+from wsim.model.launches import Launches
+from wsim.model.stage import Clock, Remedy
+from wsim.model.structs import filled
+
+if TYPE_CHECKING:
+    from wsim.model.status import Status
+    from wsim.physics.rods.bodies import Bodies
+    from wsim.physics.rods.method import Strands
+
+
+class Ground(Launches):
+    """The part of a model that search and proof ask for: float64, in a module of its own. points: flat rows of the tables."""
+
+    recorder = tape = fuser = None
+    real, dtype = wp.float64, np.float64
+
+    def __init__(self, module: str, device, points: int, worlds: int, block: int):
+        self.module, self.device, self.points, self.worlds = module, device, points, worlds
+        self.threads = block
+
+    @property
+    def block(self) -> int:
+        return self.threads
+
+    def upload(self, values, dtype):
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+
+
+class Together:
+    """bodies: the rigid ones that its strands meet, None where there are none."""
+
+    def __init__(self, strands: Strands, module: str, status: Status, device):
+        self.strands, self.table, self.status = strands, strands.table, status
+        self.bodies: Bodies | None = None
+        t, worlds = self.table, strands.model.worlds
+        self.ground = Ground(module, device, t.longest * t.strands, worlds, strands.threads)
+        names = strands.obstacles.kinds
+        (self.begin, self.begin_worlds, self.assemble, self.measure, self.judge, self.take) = coupled.newton(
+            names, strands.airy, module)
+        (self.carry, self.start, self.apply, self.length, self.step, self.turn, self.aim, self.finish) = conjugate.gradients(
+            module)
+        self.displace, self.settle, self.end, self.touched, self.remember = ends(names, module)
+        self.zeros = partial(wp.zeros, device=device)
+        self.words, self.d = self.zeros(coupled.WORDS, dtype=int), self.zeros(self.ground.points, dtype=wp.vec3d)
+        self.pressed: Any = tables.Pressed()
+        self.corners: Any = None
+        self.borne: Any = tables.Borne()
+        self.often, self.fresh = False, True
+        self._coupled(worlds)
+
+    def _coupled(self, worlds: int) -> None:
+        t, zeros = self.table, self.zeros
+        self.worlds_of = of = np.repeat([world for _, world in t.pairs], [own.stop - own.start for own in t.own])
+        first = np.searchsorted(of, np.arange(worlds + 1)).astype(np.int32)
+        two = (t.longest, t.strands)
+        self.group = filled(
+            coupled.Coupled, first=self.ground.upload(first, int), world=self.ground.upload(of.astype(np.int32), int),
+            **{k: zeros(t.strands, dtype=wp.float64) for k in ("least", "sum", "left", "ahead", "gain")},
+            **{k: zeros(worlds, dtype=int) for k in ("on", "turn", "count", "rounds", "touched", "back", "rough")},
+            **{k: zeros(worlds, dtype=wp.float64) for k in ("scale", "slope", "rho", "rho0", "alpha", "beta")},
+            **{k: zeros(two, dtype=wp.vec4d) for k in ("x", "r", "p", "w", "q", "force", "last")})
+        types = {"pivot": wp.mat44d, "b": wp.vec4d, "press": wp.vec3d, "stiff": wp.mat33d, "along": wp.mat33d}
+        for name, kind in types.items():
+            setattr(self.strands.trial, name, zeros(two, dtype=kind))
+
+    def join(self, bodies: Bodies) -> None:
+        """Takes the rigid bodies that strands meet."""
+        self.bodies, self.borne = bodies, bodies.borne
+
+    def weigh(self, gravity: np.ndarray) -> None:
+        """Sets gravity [m/s^2], (strands, 3)."""
+
+    # substeps
+
+    def advance(self, clock: Clock) -> None:
+        """A frame."""
+        self.begin_frame(clock)
+        for k in range(self.strands.substeps):
+            self.solve(k)
+            self.close(k)
+
+    def substep(self, clock: Clock) -> None:
+        """A substep among those of rigid bodies."""
+        if clock.k == 0:
+            self.begin_frame(clock)
+        self.solve(clock.k)
+        self.close(clock.k)
+
+    def begin_frame(self, clock: Clock) -> None:
+        """What all substeps of a frame read."""
+        s = self.strands
+        s.said.zero_()
+        self.h, self.motion = clock.dt / s.substeps, s.moving()
+
+    def each(self, kernel, inputs: list, outputs: list) -> None:
+        """Launches a kernel over all strands."""
+        self.ground.launch(kernel, self.table.strands, inputs, outputs)
+
+    def word(self, k: int) -> wp.array:
+        """One word, as conditions of a graph take it."""
+        return self.words[k:k + 1]
+
+    def solve(self, k: int) -> None:
+        """Displacements of a substep."""
+        s, G, T, Q = self.strands, self.group, self.strands.trial, self.motion
+        self.each(self.begin, [s.strands, s.holds, Q, T, G, self.h, k], [])
+        self.each(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
+        self.look()
+        if self.bodies:
+            self.bodies.begin()
+        self.ground.launch(self.begin_worlds, self.ground.worlds, [G, self.words], [])
+        wp.capture_while(self.word(coupled.GOING), lambda: self.newton(k))
+        if self.bodies:
+            self.bodies.give()
+        self.each(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
+
+    def look(self) -> None:
+        """What strands themselves touch, where a substep begins."""
+
+    def lean(self) -> None:
+        """Forces of what strands themselves touch, in an iteration."""
+
+    def cross(self) -> None:
+        """Those that corrections G.p have, of what strands themselves touch."""
+
+    def hold(self) -> None:
+        """What strands themselves touch remembers of a substep."""
+
+    def close(self, k: int) -> None:
+        """The end of a substep, by displacements d."""
+        s, G, T, Q = self.strands, self.group, self.strands.trial, self.motion
+        self.each(self.settle, [s.strands, Q, self.d.reshape(T.x.shape)], [T, G])
+        self.hold()
+        if self.bodies:
+            self.bodies.hold()
+        self.each(self.end, [s.strands, s.obstacles.table, Q, T, self.pressed, G, filled(Step, h=self.h, at=k)], [s.said])
+        self.ground.launch(self.touched, self.ground.worlds, [G, self.words], [])
+        self.each(self.remember, [s.strands, G], [Q])
+
+    def newton(self, k: int) -> None:
+        """One iteration."""
+        s, G, T = self.strands, self.group, self.strands.trial
+        self.lean()
+        if self.bodies:
+            self.bodies.meet()
+        self.each(self.assemble, [s.strands, s.obstacles.table, self.motion, T, G, self.h, k], [])
+        if self.bodies:
+            self.bodies.lean()
+        wp.capture_if(self.word(coupled.ACTIVE), self.couple)
+        self.each(self.measure, [s.strands, T], [G])
+        if self.bodies:
+            self.bodies.measure()
+        self.ground.launch(self.judge, 1, [G, self.borne, self.words], [])
+        self.each(self.take, [s.strands, T, G], [])
+        if self.bodies:
+            self.bodies.take()
+
+    def couple(self) -> None:
+        """The correction of all strands together."""
+        s, G, T = self.strands.strands, self.group, self.strands.trial
+        if self.bodies:
+            self.each(self.carry, [s, T, self.borne, G], [])
+        self.ground.launch(self.start, 1, [G, self.words], [])
+        wp.capture_while(self.word(coupled.TURNING), self.round)
+        self.each(self.finish, [s, T, G], [])
+
+    def round(self) -> None:
+        """One round of conjugate gradients."""
+        s, G, T, launch = self.strands.strands, self.group, self.strands.trial, self.ground.launch
+        self.cross()
+        if self.bodies:
+            self.bodies.cross()
+        self.each(self.apply, [s, self.pressed, self.corners, self.borne, G], [])
+        launch(self.length, self.ground.worlds, [G], [])
+        self.each(self.step, [s, T, G], [])
+        launch(self.turn, 1, [G, self.words], [])
+        self.each(self.aim, [s, T, G], [])
+
+    # around a frame
+
+    def before_frame(self) -> None:
+        self.words.zero_()                               # they are set before they are read
+        self.fresh = False
+
+    def retry(self) -> list[Remedy]:
+        return self.bodies.retry() if self.bodies else []
+
+    def notes(self) -> list[tuple[tuple, float, str]]:
+        return []
+
+    def indicators(self) -> dict[str, float]:
+        return self.bodies.indicators() if self.bodies else {}
