@@ -279,20 +279,11 @@ class SelfContact(Method):
         return found
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-        """near_pairs: of surfaces, in the last list; contacts: those that push; touching: their points; thin: part of them
-        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began; searches,
-        projected and cut substeps, held ones, of all frames; repeated: frames, for what cuts took; cut_energy: what they took
-        of the kinetic energy a second [1/s]; cut_run: most substeps running in which a point lost more than 5 %."""
-        near = self.near.pairs
-        count = min(int(near.count.numpy()[0]), near.capacity)
-        touch = np.flatnonzero(near.push.numpy()[:count].any(axis=1))
-        points = np.unique(near.ids.numpy()[touch][near.b.numpy()[touch] != 0.0])
-        thin = near.away.numpy()[touch] < 0.5 * near.keep.numpy()[touch]
+        """Those of the list, `Near.told`; searches, projected and cut substeps, held ones, of all frames; repeated: frames, for
+        what cuts took; cut_energy: what they took of the kinetic energy a second [1/s]; cut_run: most substeps running in which
+        a point lost more than 5 %."""
         total = {name: float(self.total[k]) for name, k in (("searches", cut.SEARCHES), ("projected", cut.PROJECTED),
                                                             ("cut", cut.CUT), ("held", cut.STAYED),
                                                             *[("pinched", cut.PINCHED)][:bool(self.obstacles)])}
-        gap = {"least_gap": float(near.gap.numpy()[:count].min())} if count else {}
-        return {"near_pairs": float(count), "contacts": float(len(touch)), "touching": float(len(points)),
-                "thin": float(thin.mean()) if len(touch) else 0.0, **gap, **total,
-                "repeated": float(self.repeats), "cut_energy": self.taken / self.swept if self.swept else 0.0,
-                "cut_run": float(self.run)}
+        return {**self.near.told(), **total, "repeated": float(self.repeats),
+                "cut_energy": self.taken / self.swept if self.swept else 0.0, "cut_run": float(self.run)}

@@ -148,3 +148,23 @@ class Near:
     def look(self, at) -> None:
         """Looks whether points are in their tubes where the substep ends."""
         self.model.launch(self.watch, len(self.surfaces.points), [self.surfaces.data, at, self.frames], [self.words])
+
+    def told(self) -> dict[str, float]:
+        """near_pairs: of surfaces, in the last list; contacts: those that push; touching: their points; thin: part of them
+        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began; flicker: part of what is
+        pushed with, in that substep and the one before, that is of pairs which push in one of them only: none at rest (where
+        the list was made between them nothing is known of it)."""
+        near = self.pairs
+        count = min(int(near.count.numpy()[0]), near.capacity)
+        push, past = (np.linalg.norm(a.numpy()[:count].astype(np.float64), axis=1) for a in (near.push, near.past))
+        touch = np.flatnonzero(push)
+        points = np.unique(near.ids.numpy()[touch][near.b.numpy()[touch] != 0.0])
+        thin = near.away.numpy()[touch] < 0.5 * near.keep.numpy()[touch]
+        found = {"near_pairs": float(count), "contacts": float(len(touch)), "touching": float(len(points)),
+                 "thin": float(thin.mean()) if len(touch) else 0.0}
+        if count:
+            found["least_gap"] = float(near.gap.numpy()[:count].min())
+        if self.word(pairs.AGE).numpy()[0] > 1:
+            whole, once = push + past, (push > 0.0) != (past > 0.0)
+            found["flicker"] = float(whole[once].sum() / whole.sum()) if whole.any() else 0.0
+        return found
