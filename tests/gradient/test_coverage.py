@@ -275,6 +275,12 @@ def moving():
 
 
 VARIES = Varying("/chain", "stiffness", Curve([0.0, 1.0], np.array([40.0, 50.0])))
+def landing() -> Scene:
+    scene = net(solver="implicit", integrator="implicit_midpoint")
+    scene.collider("/floor", Plane())
+    return scene
+
+
 CASES = {
     "method": ("/wheel", lambda: Simulation(turned(), device="cpu", gradients=True)),
     "varying": ("/chain", lambda: recorded(net(varying=[VARIES]))),
@@ -304,6 +310,7 @@ CASES = {
     "margin": ("/air", lambda: recorded(layered(margin=0.5))),
     "conserve": ("/air", lambda: recorded(layered(conserve=True, sides=("closed",) * 6))),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
+    "ends": ("/floor", lambda: Simulation(landing(), device="cpu", gradients=True)),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
     "load": ("loads", lambda: gradient(net()).load()),

@@ -30,11 +30,14 @@ def faces(body) -> np.ndarray:
 
 
 def build(b: Build) -> Contact:
-    """Raises SceneError where a smoothed contact is wanted of Newton's method."""
+    """Raises SceneError where a smoothed contact is wanted of Newton's method, and gradients of what has none."""
     movers = b.methods.find("movers")
     if b.scene.contact_width > 0.0 and movers is None and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
+    if b.model.gradients and b.clock.integrator.beyond:
+        from wsim.scene.values.coverage import refuse
+        raise refuse("ends", b.scene.colliders[0].path, integrator=b.clock.integrator.name)
     contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, movers)
     if "contact" in (b.methods.find("taken") or ()):
         contact.stages.clear()                           # explicit steps know contacts themselves, see kernels/fused/contact.py
@@ -53,7 +56,7 @@ class Contact(Method):
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
-        self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps
+        self.press: Callable[[Clock, float], None] | None = None        # behind what moves points after Newton steps
         self.model, self.state, self.anchor, self.points, self.movers = model, state, points.anchor, points, movers
         colliders = model.scene.colliders
         own = points.constants.object
@@ -86,14 +89,23 @@ class Contact(Method):
         if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
         self.clearance: Any = None                       # `wsim.physics.contact.clearance.Clearance`
+        self.prolonged: Any = None                       # `wsim.physics.contact.prolonged.Prolonged`
         self.bounce: Any = None
-        if any(c.restitution > 0.0 for c in colliders):
-            from wsim.physics.contact.restitution import Bounce
-            self.bounce = Bounce(model, state, points, self.contacts)
-            self.stages += self.bounce.stages
+        self.ends(clock)
         if movers:
             movers.join(self)
         self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
+
+    def ends(self, clock: Clock) -> None:
+        """Stages behind the last iteration, where a step goes on to its end, and where colliders throw back."""
+        if clock.integrator.beyond:
+            from wsim.physics.contact.prolonged import Prolonged
+            self.prolonged = Prolonged(self)
+            self.stages.append(self.prolonged.stage)
+        if any(c.restitution > 0.0 for c in self.model.scene.colliders):
+            from wsim.physics.contact.restitution import Bounce
+            self.bounce = Bounce(self.model, self.state, self.points, self.contacts, self.prolonged)
+            self.stages += self.bounce.stages
 
     def short(self, explicit: bool) -> None:
         """Parts that explicit steps have, which are many and short."""
@@ -124,18 +136,21 @@ class Contact(Method):
     def search(self, clock: Clock) -> None:
         if self.movers:
             self.movers.place(clock)
+        if self.prolonged and self.prolonged.asked(clock):
+            return self.prolonged.search(clock)
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
         if self.movers:
             self.movers.listed(clock)
 
     def project(self, clock: Clock) -> None:
+        g = clock.h if self.prolonged and self.prolonged.ended else clock.g
         if self.movers:
             self.movers.project(clock)
         elif self.within and not self.contacts.recorded:
             if self.press:
-                self.press(clock)
+                self.press(clock, g)
         elif self.after or not (self.solved and self.contacts.recorded):
-            self.contacts.project(clock.g, self.state.d, self.anchor)
+            self.contacts.project(g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:
         s = self.state
@@ -157,11 +172,13 @@ class Contact(Method):
         self.contacts.points.wanted = self.status.word(FACES)
         if self.bounce:
             self.bounce.meet(others)
+        if self.prolonged:
+            self.prolonged.meet(others)
         terms, adjoint = others.find("terms"), others.find("adjoint")
         behind = bool(others.every("batches") or others.find("self-contact"))
         if terms is None:
             return
-        from wsim.physics.contact.active_set import ActiveSet  # Newton steps hold contacts themselves
+        from wsim.physics.contact.newton.active_set import ActiveSet  # Newton steps hold contacts themselves
         active = ActiveSet(others.find("assembly"), self.contacts)
         terms.append(active)
         self.within, self.press = True, active.press if behind else None
@@ -180,6 +197,8 @@ class Contact(Method):
 
         def grow() -> str:
             grown = self.contacts.grow(wanted)
+            if self.prolonged:
+                self.prolonged.room()
             return f"a point touches {wanted} colliders at once, more than there was room for" if grown else ""
 
         def lists() -> str:
