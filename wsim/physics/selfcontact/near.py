@@ -43,7 +43,8 @@ class Near:
                            factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
         self.frames = filled(tubes.frames(real), rigid=zeros(4, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
                              start=zeros(n, dtype=t.vec3), way=zeros(n, dtype=t.vec3), lead=zeros(1, dtype=int),
-                             beta=wp.full(n, surfaces.beta, dtype=real, device=device), off=zeros(n, dtype=real))
+                             beta=wp.full(n, surfaces.beta, dtype=real, device=device), off=zeros(n, dtype=real),
+                             most=zeros(1, dtype=real))
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
@@ -90,6 +91,7 @@ class Near:
         """Clears what a frame that was given up has left."""
         self.frames.rigid.zero_()
         self.frames.off.zero_()
+        self.frames.most.zero_()
         self.frames.beta.fill_(self.surfaces.beta)
         words = self.words.numpy()
         words[:] = 0
