@@ -76,10 +76,12 @@ class Near:
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
         zeros, t = partial(wp.zeros, capacity, device=self.model.device), types(self.model.real)
-        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "swept", "past")
+        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "past")
         self.pairs = filled(
             pairs.lists(self.model.real), capacity=capacity, count=wp.zeros(1, dtype=int, device=self.model.device),
-            ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
+            ids=zeros(dtype=wp.vec4i), four=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4),
+            swept=wp.zeros(4 * capacity, dtype=t.vec4, device=self.model.device),
+            **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
             **{k: wp.zeros(1, dtype=int, device=self.model.device) for k in ("rows", "active")},
             **{k: zeros(dtype=t.scalar) for k in scalars}, **{k: zeros(dtype=t.vec3) for k in vectors})
         room = AROUND * len(self.surfaces.points) + search.CANDIDATES * capacity
