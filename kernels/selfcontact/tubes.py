@@ -14,9 +14,10 @@ is expected: both are linear then. Pairs that come no nearer than their betas by
 only differences of V count. Between, p goes along a chord of what A makes of a straight line, and leaves
 it by |p - c| theta^2 / 8 at most, which counts too. A bad R, V or beta_i costs searches and nothing else. beta_i is what would
 have made the last list hold for L substeps, between beta and WIDEST beta, and STAYS of what it was at least: few points
-that go another way have wide tubes. L is LASTS, or what the widest tube would have held the point for that went furthest,
-with which a list ends whatever the others' are; where that is less than PAYS, all tubes are as narrow as they may be. (5041
-points that fly into each other at 4 m/s: 2.2 to 8.1 million pairs where 0.4 to 0.9 do, and no list less.)
+that go another way have wide tubes. L is LASTS, or SPARE times what the widest tube would have held the point for that went
+furthest: with it a list ends, however wide the others' are (SPARE, since it is another point each time). Where the widest would
+not have lasted for PAYS substeps, all tubes are as narrow as they may be: there a list is made in each, and what counts is how
+many pairs it has.
 """
 
 from functools import cache
@@ -32,7 +33,7 @@ ENERGY = 16                              # the one of m |f|^2
 LEAD, LONG = 16, 2.0                     # substeps that tubes lead ahead at most; how far, in mean edges
 GROWS = 2                                # times the last list's substeps that tubes lead ahead at most
 LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the widest tube over beta; least over that before
-PAYS = 2.0                               # substeps that lists last, at least, where tubes are widened
+PAYS, SPARE = 1.4, 3.0                   # substeps that lists last, at least, where tubes are widened; see above
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
 
@@ -185,7 +186,7 @@ def axes(real, module):
         widest = real(WIDEST) * s.beta
         if f.most[0] * real(PAYS) > widest * held:
             widest = s.beta
-        last = wp.min(real(LASTS) * f.most[0], widest * held)             # L times the greatest distance
+        last = wp.min(real(LASTS) * f.most[0], real(SPARE) * widest * held)        # L times the greatest distance
         wide = wp.max(f.off[i] * last / wp.max(held * f.most[0], real(1.0e-30)), real(STAYS) * f.beta[i])
         f.beta[i] = wp.clamp(wide, s.beta, widest)
         f.off[i] = real(0.0)
