@@ -34,20 +34,29 @@ LISTS = 16             # of a substep, from which on points that projections lea
 def meeting(real):
     """Function: lists pair i among those that may come as near as they keep, by where its points are and where they are
     predicted, and a tube's radius. ends 0: words[FAST], by how much nearer that is."""
+    t = types(real)
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
 
     @wp.func
     def meet(s: Surfaces, at: State, ends: int, i: int, near: Pairs, words: wp.array(dtype=int)):
         ids = near.ids[i]
         b = near.b[i]
+        n = near.n[i]
         away = near.away[i]
+        keep = near.keep[i]
         end = away
         for k in range(4):
-            end += b[k] * wp.dot(near.n[i], at.d[ids[k]] - at.e[ids[k]])
-        if wp.min(away, end) < near.keep[i] + s.beta:
-            near.row[wp.atomic_add(near.rows, 0, 1)] = i
+            end += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
+        if wp.min(away, end) < keep + s.beta:
+            j = wp.atomic_add(near.rows, 0, 1)
+            near.row[j] = i
+            near.four[j] = ids
+            near.swept[4 * j + pairs.B] = b
+            near.swept[4 * j + pairs.NORMAL] = t.vec4(n[0], n[1], n[2], away)
+            near.swept[4 * j + pairs.PUSH] = t.vec4(real(0.0), real(0.0), real(0.0), keep)
+            near.swept[4 * j + pairs.PRIOR] = t.vec4()
         fast = real(100.0 * LONG) * (away - end) / s.longest
-        if ends == 0 and end < near.keep[i] and fast > real(100.0):
+        if ends == 0 and end < keep and fast > real(100.0):
             wp.atomic_max(words, pairs.FAST, int(wp.min(fast, real(1.0e9))))
 
     return meet

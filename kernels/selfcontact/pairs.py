@@ -28,6 +28,9 @@ STRANDS = 1 << 24                        # `body` of strands of rods, and of non
 SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED, PINCH = range(16)
 WORST, RUN, AGE, NEARER, MORE, FAST = range(16, 22)
 WORDS = 22
+# Of a row: weights; normal and distance there; push and distance that the pair keeps; push that the sweep before made, from
+# which the next leads ahead
+B, NORMAL, PUSH, PRIOR = range(4)
 
 
 @cache
@@ -75,11 +78,12 @@ def lists(real):
         gap: wp.array(dtype=t.scalar)             # least n . (p_i - p_j) there [m]
         least: wp.array(dtype=t.scalar)           # s, the gap that what is written needs [m]
         push: wp.array(dtype=t.vec3)              # accumulated push [m kg]
-        swept: wp.array(dtype=t.vec3)             # push that the sweep before made, from which the next leads ahead [m kg]
         past: wp.array(dtype=t.vec3)              # push of the substep before, 0 in the first of a list [m kg]
         rows: wp.array(dtype=int)                 # pairs that may meet in this substep, (1,): what sweeps are over
         row: wp.array(dtype=int)                  # them
-        active: wp.array(dtype=int)               # pairs that take part in sweeps, (1,)
+        four: wp.array(dtype=wp.vec4i)            # their points, and what else sweeps need of row j, side by side in memory:
+        swept: wp.array(dtype=t.vec4)             # B, NORMAL, PUSH and PRIOR of `4 j`, (4 capacity,)
+        active: wp.array(dtype=int)               # rows that take part in sweeps, (1,)
         on: wp.array(dtype=int)                   # them
         bad: wp.array(dtype=int)                  # 1: not certified; 2: it was closer than s already, and is let be
 

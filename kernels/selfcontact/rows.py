@@ -43,21 +43,23 @@ def lean(real, module):
     Pairs, State, Sums = pairs.lists(real), states(real), pairs.sums(real)
 
     @wp.func
-    def ask(at: State, climb: real, calm: real, all: int, i: int, near: Pairs, to: Sums):
-        ids = near.ids[i]
-        b = near.b[i]
-        n = near.n[i]
-        C = near.away[i] - wp.min(near.keep[i], near.away[i] + climb)
+    def ask(at: State, climb: real, calm: real, all: int, j: int, near: Pairs, to: Sums):
+        ids = near.four[j]
+        b = near.swept[4 * j + pairs.B]
+        there = near.swept[4 * j + pairs.NORMAL]
+        push = near.swept[4 * j + pairs.PUSH]
+        n = t.vec3(there[0], there[1], there[2])
+        C = there[3] - wp.min(push[3], there[3] + climb)
         slip = t.vec3()
         for k in range(4):
             C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
             slip += b[k] * (at.d[ids[k]] - at.a[ids[k]])
-        lam = wp.dot(near.push[i], n)
-        small = wp.min(real(SMALL) * near.keep[i], calm)
+        lam = wp.dot(t.vec3(push[0], push[1], push[2]), n)
+        small = wp.min(real(SMALL) * push[3], calm)
         if all > 0:
             small = real(0.0)
         if C < -small or (lam > real(0.0) and (all > 0 or C > small or wp.length(slip - wp.dot(slip, n) * n) > small)):
-            near.on[wp.atomic_add(near.active, 0, 1)] = i
+            near.on[wp.atomic_add(near.active, 0, 1)] = j
             for k in range(4):
                 share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
                 wp.atomic_add(to.share, ids[k], wp.max(share, 1))         # couples move all four
@@ -65,7 +67,7 @@ def lean(real, module):
     def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near: Pairs, to: Sums):
         j = wp.tid()
         while j < near.rows[0]:
-            ask(at, climb, calm, all, near.row[j], near, to)
+            ask(at, climb, calm, all, j, near, to)
             j += threads
 
     return lean_pairs
@@ -106,12 +108,15 @@ def press(real, module):
         return lam * n + T
 
     @wp.func
-    def one(s: Surfaces, at: State, climb: real, lead: real, i: int, near: Pairs, to: Sums):
-        ids = near.ids[i]
-        b = near.b[i]
-        n = near.n[i]
+    def one(s: Surfaces, at: State, climb: real, lead: real, j: int, near: Pairs, to: Sums):
+        ids = near.four[j]
+        b = near.swept[4 * j + pairs.B]
+        there = near.swept[4 * j + pairs.NORMAL]
+        pushed = near.swept[4 * j + pairs.PUSH]
+        before = near.swept[4 * j + pairs.PRIOR]
+        n = t.vec3(there[0], there[1], there[2])
         W, rubs = real(0.0), real(1.0)
-        C = near.away[i] - wp.min(near.keep[i], near.away[i] + climb)
+        C = there[3] - wp.min(pushed[3], there[3] + climb)
         slip, D, mu = t.vec3(), t.vec3(), t.vec2()
         r, d = points(), points()
         for k in range(4):
@@ -128,19 +133,18 @@ def press(real, module):
             K = lever(r)
             slip -= wp.cross(turn(K, r, d), D)
         if W > real(0.0):
-            push = near.push[i]
+            push = t.vec3(pushed[0], pushed[1], pushed[2])
             over = real(pairs.OVER)
             if lead > real(0.0):
                 over = real(1.0)
             then = after(n, push, over * C, W, slip, mu)
+            near.swept[4 * j + pairs.PRIOR] = t.vec4(then[0], then[1], then[2], real(0.0))
             if lead > real(0.0) and wp.dot(then, n) > real(0.0) and wp.dot(push, n) > real(0.0):
-                ahead = then + lead * (then - near.swept[i])
-                near.swept[i] = then
+                ahead = then + lead * (then - t.vec3(before[0], before[1], before[2]))
                 if wp.dot(ahead, n) > real(0.0):
                     then = ahead
-            else:
-                near.swept[i] = then
-            near.push[i] = then
+            near.swept[4 * j + pairs.PUSH] = t.vec4(then[0], then[1], then[2], pushed[3])
+            near.push[near.row[j]] = then
             back = K * wp.cross(D, then - push)
             for k in range(4):
                 fixed(to, ids[k], s.w[ids[k]] * (b[k] * (then - push) - wp.cross(back, r[k])))
@@ -160,6 +164,7 @@ def press(real, module):
 @cache
 def nearer(real, module):
     """Kernel: words[NEARER] becomes 1 where a pair ends nearer than DEPTH of where it is to be. first 1: words[MORE] begins."""
+    t = types(real)
     Pairs, State = pairs.lists(real), states(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -168,13 +173,14 @@ def nearer(real, module):
         if j == 0 and first > 0:
             words[pairs.MORE] = 0
         while j < near.rows[0]:
-            i = near.row[j]
-            ids = near.ids[i]
-            b = near.b[i]
-            end = near.away[i]
+            ids = near.four[j]
+            b = near.swept[4 * j + pairs.B]
+            there = near.swept[4 * j + pairs.NORMAL]
+            n = t.vec3(there[0], there[1], there[2])
+            end = there[3]
             for k in range(4):
-                end += b[k] * wp.dot(near.n[i], at.d[ids[k]] - at.e[ids[k]])
-            if end < real(DEPTH) * wp.min(near.keep[i], near.away[i] + climb):
+                end += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
+            if end < real(DEPTH) * wp.min(near.swept[4 * j + pairs.PUSH][3], there[3] + climb):
                 wp.atomic_max(words, pairs.NEARER, 1)
             j += threads
 

@@ -171,7 +171,7 @@ def sift(real, module):
 def listed(real, module):
     """Kernel: a list was made: whether it holds pairs, and how many times so far. begins 1: before a substep, by its
     prediction: A is 1 until it ends. Where there was no room for candidates, more pairs than there is room for are said to
-    be."""
+    be, and at least as many of them as of those there was room for."""
     Frames, Pairs = frames(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -179,7 +179,9 @@ def listed(real, module):
         if begins > 0:
             f.frame[1] = wp.transform_identity(dtype=real)
         if found.count[0] > found.capacity:
-            near.count[0] = wp.max(near.count[0], near.capacity + (found.count[0] - found.capacity) / CANDIDATES + 1)
+            over = float(found.count[0]) / float(found.capacity)
+            more = wp.max(int(over * float(near.count[0])), near.capacity + (found.count[0] - found.capacity) / CANDIDATES)
+            near.count[0] = more + 1
         words[pairs.SOON] = 0
         words[pairs.AGE] = 0
         words[pairs.NEAR] = wp.min(near.count[0], 1)

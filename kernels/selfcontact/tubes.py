@@ -13,8 +13,11 @@ and while A^-1 p is within beta_i of it where substeps begin and end, it is all 
 is expected: both are linear then. Pairs that come no nearer than their betas by what is expected do not meet, whatever A is:
 only differences of V count. Between, p goes along a chord of what A makes of a straight line, and leaves
 it by |p - c| theta^2 / 8 at most, which counts too. A bad R, V or beta_i costs searches and nothing else. beta_i is what would
-have made the last list hold for LASTS substeps, between beta and WIDEST beta, and STAYS of what it was at least: few points
-that go another way have wide tubes.
+have made the last list hold for L substeps, between beta and WIDEST beta, and STAYS of what it was at least: few points
+that go another way have wide tubes. L is LASTS, or SPARE times what the widest tube would have held the point for that went
+furthest: with it a list ends, however wide the others' are (SPARE, since it is another point each time). Where the widest would
+not have lasted for PAYS substeps, all tubes are as narrow as they may be: there a list is made in each, and what counts is how
+many pairs it has.
 """
 
 from functools import cache
@@ -30,6 +33,7 @@ ENERGY = 16                              # the one of m |f|^2
 LEAD, LONG = 16, 2.0                     # substeps that tubes lead ahead at most; how far, in mean edges
 GROWS = 2                                # times the last list's substeps that tubes lead ahead at most
 LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the widest tube over beta; least over that before
+PAYS, SPARE = 1.4, 3.0                   # substeps that lists last, at least, where tubes are widened; see above
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
 
@@ -48,6 +52,7 @@ def frames(real):
         lead: wp.array(dtype=int)                 # substeps that tubes lead ahead, (1,)
         beta: wp.array(dtype=t.scalar)            # radius of the tube [m], (points,)
         off: wp.array(dtype=t.scalar)             # distance from what was expected, where the last substep ended [m], (points,)
+        most: wp.array(dtype=t.scalar)            # the greatest of them, (1,)
 
     return Frames
 
@@ -104,7 +109,7 @@ def fold(real, module):
 
 @cache
 def fit(real, module):
-    """Kernel: R from the sums, and A after the substep. fresh: A begins anew."""
+    """Kernel: R from the sums, and A after the substep. fresh: A begins anew; else points are to be watched."""
     t = types(real)
     Frames = frames(real)
 
@@ -139,6 +144,8 @@ def fit(real, module):
         f.rigid[0] = c
         f.rigid[1] = u
         f.rigid[2] = v
+        if fresh == 0:
+            f.most[0] = zero
 
     return fit_motion
 
@@ -176,8 +183,12 @@ def axes(real, module):
         while lead > 1 and (real(lead) * size > s.longest or lead > GROWS * wp.max(words[pairs.AGE], 1)):
             lead = lead / 2
         held = real(wp.max(words[pairs.AGE], 1))
-        wide = wp.max(f.off[i] * real(LASTS) / held, real(STAYS) * f.beta[i])
-        f.beta[i] = wp.clamp(wide, s.beta, real(WIDEST) * s.beta)
+        widest = real(WIDEST) * s.beta
+        if f.most[0] * real(PAYS) > widest * held:
+            widest = s.beta
+        last = wp.min(real(LASTS) * f.most[0], real(SPARE) * widest * held)        # L times the greatest distance
+        wide = wp.max(f.off[i] * last / wp.max(held * f.most[0], real(1.0e-30)), real(STAYS) * f.beta[i])
+        f.beta[i] = wp.clamp(wide, s.beta, widest)
         f.off[i] = real(0.0)
         f.start[i] = p
         f.way[i] = way
@@ -211,6 +222,8 @@ def watch(real, module):
         room = f.beta[i] - sag - real(64.0) * s.ulp * size
         k = words[pairs.AGE]
         f.off[i] = off(q1, k + 1, i, f)
+        if f.off[i] > f.most[0]:
+            wp.atomic_max(f.most, 0, f.off[i])
         if not (wp.max(off(q0, k, i, f), f.off[i]) <= room):
             wp.atomic_add(words, pairs.OUT, 1)
         if not (off(real(2.0) * q1 - q0, k + 2, i, f) <= room):

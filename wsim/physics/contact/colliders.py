@@ -120,6 +120,15 @@ class Rows:
         """Centres of the bounding balls, in the shapes' own frames [m], (distinct, 3)."""
         return np.array([np.zeros(3) if m is None else m.center for m in self.meshes])
 
+    @staticmethod
+    def _turns(R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Quaternions of rotations (n, ..., 3, 3), and of what leads from each to the next, of one of them where none turns."""
+        if (R[1:] == R[:1]).all():
+            both = quaternion(np.stack([R[0], R[0] @ np.swapaxes(R[0], -1, -2)]))
+            return np.broadcast_to(both[0], (len(R), *both[0].shape)), np.broadcast_to(both[1], (len(R) - 1, *both[1].shape))
+        both = quaternion(np.concatenate([R, R[1:] @ np.swapaxes(R[:-1], -1, -2)]))
+        return both[:len(R)], both[len(R):]
+
     def poses(self, times: np.ndarray, number: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(pose, step, ball) at substep times (substeps + 1,) [s]: transforms (substeps + 1, rows, 7) as translation
         and quaternion (x, y, z, w), motions from one to the next (substeps, rows, 7), bounding balls
@@ -129,12 +138,12 @@ class Rows:
         M = np.stack([motion.sampled(times) if motion.moves
                       else np.broadcast_to(motion.at(0.0), (len(times), 4, 4)) for motion in motions], axis=1)
         R, p = M[..., :3, :3], M[..., :3, 3]
-        turn = quaternion(R[1:] @ np.swapaxes(R[:-1], -1, -2))
+        turned, turn = self._turns(R)
         middle = (R @ self.centers()[number, :, None])[..., 0] + p
         way = np.linalg.norm(middle[1:] - middle[:-1], axis=-1)
         own = np.flatnonzero(np.isin(self.collider, number))
         row, origin = np.searchsorted(number, self.collider[own]), self.origin[own]
-        pose = np.concatenate([p[:, row] - origin, quaternion(R)[:, row]], axis=-1)
+        pose = np.concatenate([p[:, row] - origin, turned[:, row]], axis=-1)
         step = np.concatenate([p[1:, row] - p[:-1, row], turn[:, row]], axis=-1)
         ball = np.concatenate([0.5 * (middle[1:] + middle[:-1])[:, row] - origin,
                                (self.radius[number] + 1.5 * way)[:, row, None]], axis=-1)

@@ -43,7 +43,8 @@ class Near:
                            factor=wp.ones(n, dtype=real, device=device), cut=zeros(n, dtype=int))
         self.frames = filled(tubes.frames(real), rigid=zeros(4, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
                              start=zeros(n, dtype=t.vec3), way=zeros(n, dtype=t.vec3), lead=zeros(1, dtype=int),
-                             beta=wp.full(n, surfaces.beta, dtype=real, device=device), off=zeros(n, dtype=real))
+                             beta=wp.full(n, surfaces.beta, dtype=real, device=device), off=zeros(n, dtype=real),
+                             most=zeros(1, dtype=real))
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
@@ -75,10 +76,12 @@ class Near:
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
         zeros, t = partial(wp.zeros, capacity, device=self.model.device), types(self.model.real)
-        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "swept", "past")
+        scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "past")
         self.pairs = filled(
             pairs.lists(self.model.real), capacity=capacity, count=wp.zeros(1, dtype=int, device=self.model.device),
-            ids=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4), **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
+            ids=zeros(dtype=wp.vec4i), four=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4),
+            swept=wp.zeros(4 * capacity, dtype=t.vec4, device=self.model.device),
+            **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
             **{k: wp.zeros(1, dtype=int, device=self.model.device) for k in ("rows", "active")},
             **{k: zeros(dtype=t.scalar) for k in scalars}, **{k: zeros(dtype=t.vec3) for k in vectors})
         room = AROUND * len(self.surfaces.points) + search.CANDIDATES * capacity
@@ -90,6 +93,7 @@ class Near:
         """Clears what a frame that was given up has left."""
         self.frames.rigid.zero_()
         self.frames.off.zero_()
+        self.frames.most.zero_()
         self.frames.beta.fill_(self.surfaces.beta)
         words = self.words.numpy()
         words[:] = 0

@@ -53,8 +53,7 @@ class Poses:
             return wp.zeros((length, n), dtype=dtype, device=self.device)
         c.pose, c.step = zeros(substeps + 1, t.transform), zeros(substeps, t.transform)
         c.ball, c.stride = zeros(substeps, t.vec4), zeros(substeps, t.scalar)
-        self.found = tuple(np.zeros((length, n, *more)) for length, more in (
-            (substeps + 1, (7,)), (substeps, (7,)), (substeps, (4,)), (substeps, ())))
+        self.found = tuple(array.numpy() for array in (c.pose, c.step, c.ball, c.stride))     # on a CPU the arrays themselves
 
     def place(self, time: float, dt: float, gap: np.ndarray, changed: bool) -> None:
         """Places the rows in the frame of dt [s] that starts at `time` [s]. gap: distance that rows keep [m]; changed: since
@@ -97,7 +96,8 @@ class Poses:
         columns = (c.pose, c.step, c.ball, c.stride)
         for array, every, values in zip(columns, self.found, (pose, step, ball, stride), strict=True):
             every[:, own] = values
-            array.assign(every.astype(self.dtype))
+            if self.device.is_cuda:
+                array.assign(every)
         for k in number:
             mesh = rows.meshes[k]
             if mesh is not None and mesh.moves and "skin" in mesh.device:
