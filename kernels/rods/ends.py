@@ -14,8 +14,8 @@ from wsim.kernels.rods.tables import Motion, Pressed, Step, Strands, Trial
 
 @cache
 def ends(kinds: tuple[str, ...], module: str):
-    """Kernels: displacements of points, for the proof; places that it left, with their directors; what a substep leaves;
-    whether worlds step by backward Euler next. kinds: of colliders."""
+    """Kernels: displacements of points, for the proof; places that it left, with their directors (breaks: 1 where
+    worlds that it moves start anew); what a substep leaves; whether worlds step by backward Euler next. kinds: of colliders."""
     end = finish(kinds)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -25,7 +25,7 @@ def ends(kinds: tuple[str, ...], module: str):
             d_out[i, k] = T.x[i, k] - Q.x[i, k]
 
     @wp.kernel(module=module, enable_backward=False)
-    def settle_strands(S: Strands, Q: Motion, d: wp.array2d(dtype=wp.vec3d), T: Trial, G: Coupled):
+    def settle_strands(S: Strands, Q: Motion, d: wp.array2d(dtype=wp.vec3d), breaks: int, T: Trial, G: Coupled):
         k = wp.tid()
         G.sum[k] = wp.float64(0.0)
         old = T.x[0, k]
@@ -33,7 +33,7 @@ def ends(kinds: tuple[str, ...], module: str):
             now = T.x[i, k]
             moved = d[i, k] - (now - Q.x[i, k])
             if wp.length_sq(moved) > wp.float64(0.0):
-                G.sum[k] = wp.float64(1.0)
+                G.sum[k] = wp.float64(breaks)
                 T.x[i, k] = Q.x[i, k] + d[i, k]
             if i > 0:
                 if S.clamped[i - 1, k] == 0:

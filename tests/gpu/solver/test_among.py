@@ -11,8 +11,10 @@ from wsim.simulation.simulation import Simulation
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
 
 
-@pytest.mark.parametrize("solver", solvers("xpbd", "newton", "leapfrog"))
+@pytest.mark.parametrize("solver", solvers("xpbd", "newton", "newton bdf2", "leapfrog"))
 def test_a_rope_that_is_thrown_at_a_cloth_never_passes_and_keeps_momentum(solver):
+    most = 3e-6 if solver["integrator"] == "bdf2" else 1e-6              # of which float32 rounds by 1e-6 on a CPU
+
     def flown(device: str, frames: int, held: bool) -> np.ndarray:
         scene = thrown(1, 6.0, **solver)
         scene.pins = scene.pins if held else []
@@ -24,7 +26,7 @@ def test_a_rope_that_is_thrown_at_a_cloth_never_passes_and_keeps_momentum(solver
             v = rods.points(0)[1]
             now = mass @ v + m @ np.asarray(sim.velocities("/cloth"), np.float64)
             first = (now, mass @ np.linalg.norm(v, axis=1)) if first is None else first
-            assert held or np.abs(now - first[0]).max() < 1e-6 * first[1]
+            assert held or np.abs(now - first[0]).max() < most * first[1]
             sim.step()
             assert crossed(sim) == 0
         found = sim.plan.method("selfcontact").indicators(None, None)

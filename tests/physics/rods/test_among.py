@@ -10,13 +10,13 @@ from tests.physics.selfcontact.rig import solvers
 from wsim.cli.run import prepare
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.crossings import crossings
-from wsim.scene import Pin, Plane, Scene, SceneError, shapes
+from wsim.scene import Pin, Plane, Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
 
 THICK, MU, G = 8e-3, 0.5, 9.81
 CLOTH = Fabric(stretch=500.0, shear=100.0, bend=1e-6, thickness=4e-3, density=300.0, static_friction=MU, dynamic_friction=MU)
-MEETING = ("xpbd", "newton", "leapfrog", "rk4")
+MEETING = ("xpbd", "xpbd bdf2", "newton", "newton bdf2", "leapfrog", "rk4")
 
 
 def rope(scene: Scene, x: np.ndarray, on: bool = True, **more) -> Rods:
@@ -86,10 +86,12 @@ def test_a_rope_that_is_thrown_at_a_cloth_never_passes(solver, seed):
 
 @pytest.mark.parametrize("solver", solvers(*MEETING))
 def test_a_rope_and_a_cloth_that_collide_keep_their_momentum(solver):
-    """Sum of m v, to 1e-6 of the sum of m |v|, in every frame while they touch."""
+    """Sum of m v, to 1e-6 of the sum of m |v|, in every frame while they touch. By BDF2, whose velocities are sums of two
+    before, float32 rounds by 1.1e-6 in 12 frames: float64 is held to what it rounds by."""
+    precision = "float64" if solver["integrator"] == "bdf2" else "float32"
     scene = thrown(3, 5.0, **solver)
     scene.gravity, scene.pins = (0.0, 0.0, 0.0), []
-    sim = Simulation(scene, device="cpu")
+    sim = Simulation(scene, device="cpu", precision=precision)
     rods, m = sim.plan.method("rods"), sim.model.bodies[0].masses
     mass = rods.table.values["m"].T.ravel()
 
@@ -99,7 +101,7 @@ def test_a_rope_and_a_cloth_that_collide_keep_their_momentum(solver):
     scale = float(mass @ np.linalg.norm(rods.points(0)[1], axis=1))
     for _ in range(12):
         sim.step()
-        assert np.abs(momentum() - first).max() < 1e-6 * scale
+        assert np.abs(momentum() - first).max() < {"float32": 1e-6, "float64": 1e-11}[precision] * scale
     assert rods.points(0)[1][:, 1].mean() > -4.5                                # they met
 
 
@@ -134,7 +136,8 @@ def test_a_rope_on_a_cloth_sticks_and_slips_at_the_critical_angle(solver):
 @pytest.mark.parametrize("solver", solvers(*MEETING))
 def test_a_ridge_bears_a_rope_and_stretches_it_no_more_than_its_weight_does(solver):
     """A rope over the ridge of a tent: what each substep pushes is that of a few points, which bear 40; solved without it, an
-    edge at the ridge was stretched by 2.6 %, 6 times what its weight does."""
+    edge at the ridge was stretched by 2.6 %, 6 times what its weight does. It falls by 12 mm at first: a wave of strain v / c,
+    1.5 %, of which BDF2 takes nothing and drag leaves 0.2 % behind a second; by the others it is over in 10 frames."""
     scene = Scene(gravity=(0.0, -G, 0.0), air_drag=4.0, fps=60.0, **solver)
     points = sheet(scene, 0.2, 10, held=False)
     scene.cloths[0].points[:, 1] = -np.abs(points[:, 0])
@@ -150,7 +153,7 @@ def test_a_ridge_bears_a_rope_and_stretches_it_no_more_than_its_weight_does(solv
         force.append(method.among.company.force.numpy().sum(axis=(0, 1))[1])
     weight = G * method.table.values["m"].sum()
     own = 0.5 * weight / (rods.young * 0.25 * np.pi * THICK**2)
-    assert max(strain[10:]) < 1.5 * own
+    assert max(strain[60 if solver["integrator"] == "bdf2" else 10:]) < 1.5 * own
     assert np.mean(force[-30:]) == pytest.approx(weight, rel=0.05)
     assert crossed(sim) == 0
 
@@ -182,10 +185,21 @@ def test_results_are_the_same_from_run_to_run_and_in_worlds():
     assert all(np.array_equal(found[0], each) for each in found[1:])
 
 
-@pytest.mark.parametrize("solver", solvers("xpbd bdf2", "newton bdf2"))
-def test_integrators_that_rebound_are_refused_with_what_would_do(solver):
-    with pytest.raises(SceneError, match="backward_euler.*leapfrog"):
-        Simulation(thrown(0, 1.0, **solver), device="cpu")
+def test_bdf2_that_gives_way_keeps_momentum_as_well():
+    """One substep a frame of 1/600 s: the residual is missed, and backward Euler goes on with what strands have."""
+    solver = solvers("newton bdf2")[0].values[0]
+    scene = thrown(3, 5.0, **solver | {"fps": 600.0, "substeps": 1})
+    scene.gravity, scene.pins = (0.0, 0.0, 0.0), []
+    sim = Simulation(scene, device="cpu")
+    rods, m = sim.plan.method("rods"), sim.model.bodies[0].masses
+    mass = rods.table.values["m"].T.ravel()
+    first = mass @ rods.points(0)[1]
+    for _ in range(8):
+        sim.step()
+        now = mass @ rods.points(0)[1] + m @ np.asarray(sim.velocities("/cloth"), np.float64)
+        assert np.abs(now - first).max() < 1e-6 * np.abs(first).sum()
+    assert any("backward Euler from here on" in text for text in sim.warnings)
+    assert rods.points(0)[1][:, 1].mean() > -4.0                                # they met
 
 
 def test_nothing_of_it_is_built_where_one_side_says_nothing():

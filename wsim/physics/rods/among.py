@@ -8,18 +8,19 @@ their pairs once more, with what surfaces have moved them by, and does not push 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rods.among import among, companies
+from wsim.kernels.rods.among import among, companies, settling
 from wsim.model.stage import Clock, Stage
 from wsim.model.state import Field
 from wsim.model.structs import filled
 from wsim.physics.selfcontact.surfaces import WRITTEN
-from wsim.scene import Problem, Scene, SceneError
+from wsim.scene import Scene
 from wsim.scene.methods import touches
 
 if TYPE_CHECKING:
@@ -35,16 +36,6 @@ STEPS = 4.0            # of rounding: what a file rounds, where a point stands b
 def meets(scene: Scene) -> bool:
     """True if rods and surfaces say that they collide."""
     return touches(scene) and any(rods.self_collision for rods in scene.things("Rods"))
-
-
-def refuse(scene: Scene, clock: Clock) -> None:
-    """Raises SceneError for an integrator that carries on the step before: strands that surfaces push do not."""
-    if clock.integrator.memory > 0.0:
-        rods = next(r for r in scene.things("Rods") if r.self_collision)
-        body = next(b for b in scene.bodies() if getattr(b, "self_collision", False))
-        raise SceneError(Problem(rods.path, f"collides with {body.path}, which {clock.integrator.name} steps: it takes the "
-                                 "velocity before a contact for a part of the one behind it; take wsim:integrator = "
-                                 "backward_euler or leapfrog, or wsim:selfCollision off one of both"))
 
 
 class Among:
@@ -86,7 +77,12 @@ class Among:
         two, vec3 = (strands.table.longest, strands.table.strands), types(real).vec3
         lent, pushed = (wp.zeros(self.points, dtype=vec3, device=device) for _ in range(2))
         strands.trial.given = force = strands.part.arrays["push"].reshape(two)
-        self.company = filled(companies(real), own=ground.upload(self.touching.edges.points, int), lent=lent, pushed=pushed,
+        more = {}
+        if strands.clock.integrator.memory > 0.0:
+            self.before, self.change = settling(real, module)
+            more = {name: wp.zeros(self.points, dtype=vec3, device=device) for name in ("settled", "past")}
+        own = ground.upload(self.touching.edges.points, int)
+        self.company = filled(companies(real), **more, own=own, lent=lent, pushed=pushed,
                               force=force, before=strands.part.arrays["pushed"].reshape(two),
                               over=wp.zeros(two, dtype=wp.vec3d, device=device))
         self.kick = wp.zeros(ground.points, dtype=wp.vec3d, device=device)
@@ -115,6 +111,11 @@ class Among:
         """A substep of the strands by themselves."""
         if clock.k == 0:
             self.touching.begin_frame(clock)
+        A = self.company
+        A.g, self.touching.carries = clock.g, clock.integrator.memory > 0.0      # BDF2 may give way
+        if A.settled:
+            A.settled.zero_()
+            A.past.zero_()
         self.touching.solve(clock.k)
 
     def lend(self) -> None:
@@ -132,7 +133,17 @@ class Among:
         touching = self.touching
         self.launch(self.give_points, [self.strands.strands, touching.motion, touching.h, self.surfaces.state.d], [self.d])
         touching.close(clock.k)
-        self.launch(self.slow, [], [touching.motion])
+        self.launch(self.slow, [self.strands.strands], [touching.motion])
+
+    def settled(self, v: wp.array, sweep: Callable[[wp.array], None], past: bool) -> None:
+        """Sweeps over velocities of surfaces, with the note of what they change of strands' own. past: of those before."""
+        A = self.company
+        into = A.past if past else A.settled
+        if past:
+            self.launch(self.before, [self.touching.motion], [v])
+        wp.copy(into, v, src_offset=self.first, count=self.points)
+        sweep(v)
+        self.launch(self.change, [v], [into])
 
     def still(self, v: wp.array) -> None:
         """Launches zeros to their part of velocities of surfaces' points."""

@@ -61,15 +61,12 @@ class Strands(Method):
 
     def __init__(self, b):
         super().__init__("rods")
-        self.model, device = b.model, b.model.device
+        self.model, self.clock, device = b.model, b.clock, b.model.device
         rods = b.scene.things("Rods")
         self.table = t = Table([(each, world) for world in range(b.model.worlds) for each in rods])
         touching = any(rods.self_collision for rods in b.scene.things("Rods"))
         meeting = bool(touching and touches(b.scene) and b.model.bodies)       # surfaces: in their substeps
         bearing = bool(b.scene.things("Body") and self._met(b.scene))          # rigid bodies: likewise
-        if meeting:
-            from wsim.physics.rods.among import refuse
-            refuse(b.scene, b.clock)
         self.shortest = 1 if meeting or bearing else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
         self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)

@@ -42,7 +42,10 @@ class Ground(Launches):
 
 
 class Together:
-    """bodies: the rigid ones that its strands meet, None where there are none."""
+    """bodies: the rigid ones that its strands meet, None where there are none. carries: what moves them at the end of a substep
+    has told them how they go on."""
+
+    carries = False
 
     def __init__(self, strands: Strands, module: str, status: Status, device):
         self.strands, self.table, self.status = strands, strands.table, status
@@ -144,7 +147,7 @@ class Together:
     def close(self, k: int) -> None:
         """The end of a substep, by displacements d."""
         s, G, T, Q = self.strands, self.group, self.strands.trial, self.motion
-        self.each(self.settle, [s.strands, Q, self.d.reshape(T.x.shape)], [T, G])
+        self.each(self.settle, [s.strands, Q, self.d.reshape(T.x.shape), int(not self.carries)], [T, G])
         self.hold()
         if self.bodies:
             self.bodies.hold()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import warp as wp
@@ -146,13 +147,15 @@ class Settle:
     def forget(self, clock: Clock) -> None:
         """No history across a contact: the anchor that gives such velocities, and the velocity before."""
         s, v, at, g = self.state, self.v, self.method.at(), clock.g
+        strands = self.method.strands
+        sweep = partial(strands.settled, sweep=self.sweep) if strands else lambda v, past: self.sweep(v)
         self.pairs("aim", [at, clock.h], [self.aims])
         self.combine(1.0 / g, at.d, -1.0 / g, at.a, v, colliders=True)
-        self.sweep(v)
+        sweep(v, past=False)
         self.combine(1.0, s.d, -g, v, self.method.points.anchor)
         self.pairs("aim", [at, clock.h], [self.aims])
         self.combine(1.0, s.v, 0.0, s.v, v)
-        self.sweep(v)
+        sweep(v, past=True)
         self.combine(1.0, v, 0.0, v, s.v)
 
     def half(self, change: wp.array) -> None:
