@@ -54,7 +54,7 @@ class Integrator:
 
     @property
     def rebounds(self) -> bool:
-        """True if what is found at nodes says too little of contacts with colliders at the end of a step."""
+        """True if what is found at nodes says too little of bodies that give way, at the end of a step."""
         return self.beyond or self.solves > 1
 
     @property

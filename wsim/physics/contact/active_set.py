@@ -73,6 +73,6 @@ class ActiveSet(Term):
         c = self.contacts
         self.run("rub", [trial, c.slots, m.A.own, c.push, g, m.state.d, m.points.anchor, m.v.y], [], rows)
 
-    def press(self, clock: Clock) -> None:
-        """Presses d out of colliders, where it was moved without a look at contacts."""
-        self.run("press", [*self.tables, clock.g, self.assembly.points.anchor], [self.assembly.state.d, self.contacts.push])
+    def press(self, clock: Clock, g: float = 0.0) -> None:
+        """Presses d out of colliders, where it was moved without a look at contacts. g [s]: that of d, if it is another."""
+        self.run("press", [*self.tables, g or clock.g, self.assembly.points.anchor], [self.assembly.state.d, self.contacts.push])

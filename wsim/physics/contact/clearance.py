@@ -61,6 +61,7 @@ class Clearance:
         self.model, self.state, self.contacts, self.status = contact.model, contact.state, contact.contacts, contact.status
         self.clock, self.whole, model, state, contacts = clock, whole, contact.model, contact.state, contact.contacts
         real, module, kinds, t = model.real, model.module, contacts.kinds, types(model.real)
+        self.prolonged = contact.prolonged
         contact.status.reserve(REACHED)
         contact.status.reserve(SOON)
         self.room = wp.zeros(model.points, dtype=real, device=model.device)
@@ -115,8 +116,9 @@ class Clearance:
 
     def look(self, clock: Clock) -> None:
         """Looks at a substep that is predicted."""
-        s = self.state
-        self.model.launch(self.stray, self.model.points, [self.start, s.x, s.d, self.room], [self.word])
+        s, goes_on = self.state, self.prolonged and self.prolonged.asked(clock)
+        d = self.prolonged.reach() if goes_on else s.d
+        self.model.launch(self.stray, self.model.points, [self.start, s.x, d, self.room], [self.word])
 
     def look_at(self, x: wp.array, d: wp.array) -> None:
         """Looks at displacements [m] since the frame began at x."""

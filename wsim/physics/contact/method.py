@@ -53,7 +53,7 @@ class Contact(Method):
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
-        self.press: Callable[[Clock], None] | None = None        # behind what moves points after Newton steps
+        self.press: Callable[[Clock, float], None] | None = None        # behind what moves points after Newton steps
         self.model, self.state, self.anchor, self.points, self.movers = model, state, points.anchor, points, movers
         colliders = model.scene.colliders
         own = points.constants.object
@@ -86,10 +86,15 @@ class Contact(Method):
         if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
         self.clearance: Any = None                       # `wsim.physics.contact.clearance.Clearance`
+        self.prolonged: Any = None                       # `wsim.physics.contact.prolonged.Prolonged`
+        if clock.integrator.beyond:
+            from wsim.physics.contact.prolonged import Prolonged
+            self.prolonged = Prolonged(self)
+            self.stages.append(self.prolonged.stage)
         self.bounce: Any = None
         if any(c.restitution > 0.0 for c in colliders):
             from wsim.physics.contact.restitution import Bounce
-            self.bounce = Bounce(model, state, points, self.contacts)
+            self.bounce = Bounce(model, state, points, self.contacts, self.prolonged)
             self.stages += self.bounce.stages
         if movers:
             movers.join(self)
@@ -124,18 +129,21 @@ class Contact(Method):
     def search(self, clock: Clock) -> None:
         if self.movers:
             self.movers.place(clock)
+        if self.prolonged and self.prolonged.asked(clock):
+            return self.prolonged.search(clock)
         self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
         if self.movers:
             self.movers.listed(clock)
 
     def project(self, clock: Clock) -> None:
+        g = clock.h if self.prolonged and self.prolonged.ended else clock.g
         if self.movers:
             self.movers.project(clock)
         elif self.within and not self.contacts.recorded:
             if self.press:
-                self.press(clock)
+                self.press(clock, g)
         elif self.after or not (self.solved and self.contacts.recorded):
-            self.contacts.project(clock.g, self.state.d, self.anchor)
+            self.contacts.project(g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:
         s = self.state
@@ -157,6 +165,8 @@ class Contact(Method):
         self.contacts.points.wanted = self.status.word(FACES)
         if self.bounce:
             self.bounce.meet(others)
+        if self.prolonged:
+            self.prolonged.meet(others)
         terms, adjoint = others.find("terms"), others.find("adjoint")
         behind = bool(others.every("batches") or others.find("self-contact"))
         if terms is None:
@@ -180,6 +190,8 @@ class Contact(Method):
 
         def grow() -> str:
             grown = self.contacts.grow(wanted)
+            if self.prolonged:
+                self.prolonged.room()
             return f"a point touches {wanted} colliders at once, more than there was room for" if grown else ""
 
         def lists() -> str:

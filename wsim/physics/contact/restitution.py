@@ -15,8 +15,9 @@ from wsim.model.vjp import beside
 class Bounce:
     """Restitution of the contacts of a plan."""
 
-    def __init__(self, model: Model, state: State, points, contacts):
-        """points: the method that owns gravity and the anchor; contacts: `wsim.physics.contact.contacts.Contacts`."""
+    def __init__(self, model: Model, state: State, points, contacts, prolonged=None):
+        """points: the method that owns gravity and the anchor; contacts: `wsim.physics.contact.contacts.Contacts`; prolonged:
+        of an integrator that goes on to the end of a step, `wsim.physics.contact.prolonged.Prolonged`."""
         self.model, self.state, self.points, self.contacts = model, state, points, contacts
         real, module, n = model.real, model.module, model.points
         rows, m, multistep = contacts.rows, points.integrator, contacts.struck is not None
@@ -28,10 +29,11 @@ class Bounce:
         self.free = m.explicit and len(m.steps) != 1     # symplectic Euler goes as backward Euler does, in a straight line
         self.kernel = (kernels.bounce_free if self.free else kernels.bounce_held)(real, module)
         beside(model, type(contacts).__module__, "ReadingAdjoint", contacts, self.kernel)
+        self.prolonged, self.beyond = prolonged, kernels.bounce_beyond(real, module) if prolonged else None
         self.spare = kernels.spare(real, module) if len(m.steps) == 2 else None
         self.normal = wp.zeros_like(state.v) if self.free else None
         self.stages = [Stage("bounce", "solve", self.launch, 1, n * 12 * state.v.strides[0], what="points that hit")]
-        if multistep or not (self.free or m.g):
+        if multistep or prolonged or not (self.free or m.g):
             self.before = wp.zeros_like(state.v)
             self.stages.append(Stage("before", "pose", self.keep, 1, 2 * n * state.v.strides[0], what="velocities"))
         if multistep:
@@ -73,6 +75,11 @@ class Bounce:
         s, c, table = self.state, self.contacts, kernels.bounces(self.model.real)()
         table.restitution, table.h, table.g = self.restitution, clock.h, clock.g
         d, a = s.d, self.points.anchor
+        if self.prolonged and self.prolonged.asked(clock):
+            at = c.read(v=self.before, d=d, a=a, push=c.push)
+            self.model.launch(self.beyond, c.count, [table, self.points.constants, c.slots, at, s.v],
+                              [d, s.v, c.push, self.prolonged.rest])
+            return
         if self.free:
             table.source, pair = self.copies()
             table.bend = 2.0 if self.points.integrator.order > 1 else 1.0

@@ -72,22 +72,24 @@ class Prolonged(Euler):
     def make(self, real, module: str) -> None:
         self.kernels["end"] = kernels.finish_beyond(real, module, self.row.nodes[0])
         self.more = 1.0 / self.row.nodes[0] - 1.0
-        self.ahead: Any = None            # d at the end of a substep before surfaces that touch act on it, where some do
+        self.met = False                  # contacts act where substeps end, and have d and v there
 
     def meet(self) -> None:
-        """Makes what surfaces need that touch where substeps end."""
-        real, module = self.model.real, self.model.module
-        self.ahead = wp.zeros(self.model.points, dtype=types(real).vec3, device=self.model.device)
-        self.kernels |= {"prolong": kernels.prolong(real, module, self.row.nodes[0]), "land": kernels.land(real, module)}
+        """Makes what contacts need that act where substeps end."""
+        self.met, self.kernels["land"] = True, kernels.land(self.model.real, self.model.module)
 
-    def prolong(self, clock: Clock) -> None:
-        """d and v become those of the end of the substep, before contacts."""
+    def surfaces(self) -> None:
+        """Makes what surfaces need besides where there are no colliders."""
+        self.kernels["prolong"] = kernels.prolong(self.model.real, self.model.module, self.row.nodes[0])
+
+    def prolong(self, clock: Clock, ahead: wp.array) -> None:
+        """d and v become those of the end of the substep, before contacts; ahead: d."""
         s, w = self.state, self.points.constants.w
-        self.launch("prolong", [w, s.e, s.d, s.v, clock.g], [s.d, s.v, self.ahead])
+        self.launch("prolong", [w, s.e, s.d, s.v, clock.g], [s.d, s.v, ahead])
 
     def finish(self, clock: Clock) -> None:
         s = self.state
-        if self.ahead is not None and not clock.free:
+        if self.met and not clock.free:
             return self.launch("land", [s.d, s.x], [s.x, s.e])
         self.launch("end", [s.e, s.d, s.x, s.v, clock.g], [s.x, s.e, s.v])
 

@@ -54,6 +54,7 @@ class SelfContact(Method):
         self.model, self.state, self.status, self.clock = b.model, b.state, b.status, b.clock
         self.points = b.methods.find("points")
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
+        self.prolonged = getattr(b.methods.find("contact"), "prolonged", None)
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
         self.fast = fast.Fast(b.model, b.clock)

@@ -142,7 +142,8 @@ class Obstacles:
         self.model.launch(self.place, len(self.own[k]), [self.own[k], self.M[k], track, substep, part], arrays)
 
     def move(self, clock: Clock) -> None:
-        """Launches the ways of what moves in a substep."""
+        """Launches the ways of what moves in a substep; surfaces meet it where the substep ends."""
+        part = 0.0 if clock.integrator.beyond else 1.0 - clock.g / clock.h
         for k in range(len(self.each)):
             if self._goes(k):
-                self._place(k, clock.k, 1.0 - clock.g / clock.h)
+                self._place(k, clock.k, part)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs, settle
 from wsim.kernels.selfcontact import prolonged as kernels
 from wsim.model.stage import MET, Clock, Stage
@@ -22,8 +23,14 @@ class Prolonged(Settle):
 
     def __init__(self, method: SelfContact):
         self.motion = method.points.motion           # `wsim.physics.motion.points.Prolonged`
+        self.colliders = method.prolonged            # `wsim.physics.contact.prolonged.Prolonged`, or None
         self.motion.meet()
+        if not self.colliders:
+            self.motion.surfaces()
         super().__init__(method)
+        surfaces, t, device = method.surfaces, types(self.model.real), self.model.device
+        self.ahead = wp.zeros(surfaces.total, dtype=t.vec3, device=device)     # d before surfaces act on it [m]
+        self.v = wp.zeros(surfaces.total, dtype=t.vec3, device=device) if surfaces.state else self.state.v
         before = next(k for k, stage in enumerate(method.stages) if stage.phase == "solve")
         method.stages.insert(before, Stage("prolong", "solve", self.prolong, 1, 0, what="ends of substeps", frames=MET))
 
@@ -44,21 +51,42 @@ class Prolonged(Settle):
 
     def expected(self, clock: Clock):
         at = self.method.at()
-        if self.asked(clock):
-            at.d, more = self.motion.ahead, self.motion.more
-            self.combine(1.0 + more, self.state.d, -more, self.state.e, at.d)
-        return at
+        if not self.asked(clock):
+            return at
+        more = self.motion.more
+        if self.method.surfaces.state:                                         # what colliders do is known to the end
+            self.combine(1.0, at.d, 0.0, at.d, self.ahead, colliders=True)
+        self.combine(1.0 + more, self.state.d, -more, self.state.e, self.ahead)
+        return self.state_of(d=self.ahead)
+
+    def state_of(self, **others: wp.array):
+        """State of all points, with other arrays."""
+        at = self.method.at()
+        return filled(states(self.model.real), **{"x": at.x, "e": at.e, "d": at.d, "a": at.a} | others)
 
     def prolong(self, clock: Clock) -> None:
-        if self.asked(clock):
-            self.motion.prolong(clock)
+        """Colliders have done so before, where there are some."""
+        if not self.asked(clock):
+            return
+        if self.colliders:
+            self.combine(1.0, self.state.d, 0.0, self.state.d, self.ahead)
+        else:
+            self.motion.prolong(clock, self.ahead)
+
+    def speeds(self) -> wp.array:
+        """Velocities of all points, of colliders those that they go by."""
+        if self.method.surfaces.state:
+            at, rate = self.method.at(), 1.0 / self.method.clock.h
+            self.combine(rate, at.d, -rate, at.e, self.v, colliders=True)
+            self.combine(1.0, self.state.v, 0.0, self.state.v, self.v)
+        return self.v
 
     def gather(self, clock: Clock) -> None:
         """Behind the sweeps of a substep: pairs that push, and what moment their pushes are short of."""
         if not self.asked(clock):
             return
         near = self.method.near
-        given = [self.method.surfaces.data, self.moving(self.state.v), near.pairs, self.motion.ahead, clock.h]
+        given = [self.method.surfaces.data, self.state_of(v=self.speeds()), near.pairs, self.ahead, clock.h]
         self.aims.count.zero_()
         wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", given, [self.aims, self.slips]))
 
@@ -68,21 +96,21 @@ class Prolonged(Settle):
             return
         s, rate = self.state, 1.0 / clock.h
         self.combine(1.0, s.v, rate, s.d, s.v)
-        self.combine(1.0, s.v, -rate, self.motion.ahead, s.v)
+        self.combine(1.0, s.v, -rate, self.ahead, s.v)
         wp.capture_if(self.aims.count, lambda: self.even(clock))
+        if self.colliders:
+            self.colliders.even(s.v)
 
     def even(self, clock: Clock) -> None:
-        """Velocities of pairs that push are those of their motions."""
-        data, v, sums = self.method.surfaces.data, self.state.v, self.method.near.sums
-        self.pairs("aim", [data, self.method.at(), clock.h], [self.aims, self.slips, sums])
+        """Velocities of pairs that push are those of their motions, and colliders bear what they are given."""
+        data, v, sums, h = self.method.surfaces.data, self.speeds(), self.method.near.sums, clock.h
+        self.pairs("aim", [data, self.method.at(), h], [self.aims, self.slips, sums])
         self.add(v)
         for _ in range(SWEEPS):
+            if self.colliders:
+                self.colliders.even(v)
             self.pairs("spread", [self.aims], [sums])
-            self.pairs("strike", [data, self.moving(v), clock.h, self.aims, self.slips], [sums])
+            self.pairs("strike", [data, self.state_of(v=v), h, self.aims, self.slips], [sums])
             self.add(v)
-
-    def moving(self, v: wp.array):
-        """State of the points, with velocities [m/s]."""
-        at = self.method.at()
-        at.v = v
-        return at
+        if self.method.surfaces.state:
+            self.combine(1.0, v, 0.0, v, self.state.v)

@@ -112,8 +112,11 @@ def _method(scene: Scene) -> Iterator[Problem]:
         said, others = f"integrator {scene.integrator} rebounds from", "backward_euler, bdf2 or an explicit one"
         if scene.bodies() and carried(scene):            # bodies that touch points: `wsim.simulation.choice` takes BDF2
             yield warning("/", f"{said} rigid bodies that points touch: bdf2 takes its place", others, "name one of them")
-        else:
-            yield error("/", f"{said} colliders", others, "choose one of them")
+        elif named.solves > 1:
+            yield error("/", f"{said} colliders", f"implicit_midpoint, {others}", "choose one of them")
+        elif scene.contact_width > 0.0:
+            yield error("/", f"contact_width is {scene.contact_width:g} m, and integrator {scene.integrator} has hard contacts "
+                        "alone, which act where its steps end", others, "choose one of them, or leave wsim:contactWidth out")
     if "auto" in (scene.solver, scene.integrator):
         return
     fits = [name for name, m in TABLE.items() if m.explicit == (scene.solver == "explicit")]
