@@ -14,6 +14,7 @@ gradients, `wsim.physics.solver.newton_adjoint`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,6 +56,10 @@ class Implicit(Method):
         state.points.take(Field("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
         self.kernels = {f.__name__: f(model.real, model.module) for f in (newton.begin, newton.stay, newton.end)}
         self.line, self.residual = LineSearch(own), Residual(own, status, clock)
+        self.further: Any = None                   # `wsim.physics.solver.further.Further`
+        if clock.integrator.beyond:
+            from wsim.physics.solver.further import Further
+            self.further = Further(self)
         self.behind = False                        # something is projected behind the last step
         self.present: Any = list                   # rows, with muscles as they are
         self.adjoint = beside(model, __name__, "ImplicitAdjoint", self, self.every)
@@ -102,7 +107,7 @@ class Implicit(Method):
             clock.i = 0
 
     def newton(self, clock: Clock) -> None:
-        """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual."""
+        """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual, and what that takes."""
         own, rate = self.assembly, 1.0 / clock.g
         if clock.i == 0 and clock.k == 0:
             own.forget()
@@ -113,14 +118,25 @@ class Implicit(Method):
             own.A.aside.zero_()
         for term in self.terms:
             term.hold(clock.g, fresh=clock.i == 0)
+        self.step(clock)
+        if clock.i == clock.iterations - 1:
+            beyond = clock.integrator.beyond       # one unsolved step of the midpoint can gain energy: it takes further ones
+            if clock.k == clock.substeps - 1 or beyond:
+                self.residual.measure(clock, self.terms)
+                if beyond and self.further:
+                    self.further.go(clock)
+                self.residual.say(clock)
+            self.model.launch(self.kernels["end"], self.model.points, [self.state.d, own.b], [self.c])
+
+    def step(self, clock: Clock, stand: Callable[[], None] | None = None) -> None:
+        """The way y of a Newton step that is assembled, and as far along it as Phi says. stand: takes y from who needs none."""
+        own = self.assembly
         if not any(term.solve(clock, TOLERANCE, CAP) for term in self.terms):
             own.solve(own.f, TOLERANCE, CAP)
         self.carry()
-        self.line.search(rate, 0, 1, terms=self.terms)
-        if clock.i == clock.iterations - 1:
-            self.model.launch(self.kernels["end"], self.model.points, [self.state.d, own.b], [self.c])
-            if clock.k == clock.substeps - 1 or clock.integrator.beyond:   # one unsolved step of the midpoint can gain energy
-                self.residual.measure(clock, self.terms)
+        if stand:
+            stand()
+        self.line.search(1.0 / clock.g, 0, 1, terms=self.terms)
 
     def flow(self, clock: Clock) -> None:
         """Tets beyond their yield, where a step has ended: between the stages of one no body has ever been."""

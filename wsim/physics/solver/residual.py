@@ -25,7 +25,7 @@ class Residual:
             self.judge, self.rounded = judge(model.real, model.module), line_search.rounded(model.real, model.sweep_module)
 
     def measure(self, clock: Clock, terms: Iterable[Term]) -> None:
-        """Measures what the frame's last Newton step left, and whether an integrator that needs it may go on."""
+        """Measures what the last Newton step left, by the system at its end, which is assembled."""
         own, f = self.assembly, self.assembly.f
         own.linearise(1.0 / clock.g)
         for term in terms:
@@ -38,6 +38,9 @@ class Residual:
         if clock.watched:
             own.system.launch(self.rounded, [own.points.constants, own.A, own.system.first, f, own.state.x, own.state.d],
                               [self.array])
+
+    def say(self, clock: Clock) -> None:
+        """Says what is left, and whether an integrator that needs it may go on."""
         self.launch(self.unmet, [self.array, self.status.offset(UNSOLVED)], [self.status.array])
         if clock.watched:
             self.launch(self.judge, [self.array, clock.integrator.met[0]], [self.status.word(MISSED)])
