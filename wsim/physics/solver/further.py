@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
+from wsim.kernels.math.real import types
 from wsim.kernels.solver import further as kernels
 from wsim.model.stage import Clock
 
@@ -28,6 +29,13 @@ class Further:
         real, module = self.model.real, self.model.module
         self.look_kernel, self.stand_kernel = kernels.look(real, module), kernels.stand(real, module)
         self.words = wp.zeros(2, dtype=int, device=self.model.device)
+        self.keep, self.lead = kernels.keep(real, module), kernels.lead(real, module)
+        self.weigh = kernels.weigh(real, self.model.sweep_module)
+        n, systems, device, vec3 = self.model.points, newton.assembly.system.systems, self.model.device, types(real).vec3
+        self.last = [wp.zeros(n, dtype=vec3, device=device) for _ in range(2)]
+        self.secants = [wp.zeros((kernels.SECANTS, n), dtype=vec3, device=device) for _ in range(2)]
+        self.known = wp.zeros(systems, dtype=int, device=device)
+        self.gamma = wp.zeros((systems, kernels.SECANTS), dtype=wp.float64, device=device)
 
     def go(self, clock: Clock) -> None:
         """Steps while a residual, which is measured, is too large."""
@@ -35,14 +43,22 @@ class Further:
         wp.capture_while(self.words[:1], lambda: self.step(clock))
 
     def step(self, clock: Clock) -> None:
-        self.newton.step(clock, lambda: self.stand(clock))
+        self.newton.step(clock, lambda: self.ahead(clock))
         self.residual.measure(clock, self.newton.terms)
         self.look(clock, 0)
 
     def look(self, clock: Clock, first: int) -> None:
         self.model.launch(self.look_kernel, 1, [self.residual.array, clock.integrator.met[0], MOST, first], [self.words])
 
-    def stand(self, clock: Clock) -> None:
-        own = self.newton.assembly
+    def ahead(self, clock: Clock) -> None:
+        """The way of a step, ahead along the last ones, outside of colliders; none for who needs none."""
+        newton, own, launch, n = self.newton, self.newton.assembly, self.model.launch, self.model.points
+        d, y, (dd, dy) = own.state.d, own.v.y, self.secants
+        launch(self.keep, n, [self.words, d, y, *self.last], [dd, dy])
+        own.system.launch(self.weigh, [self.words, own.system.first, own.A.own, y, dy, newton.line.step, self.known],
+                          [self.gamma])
+        launch(self.lead, n, [self.words, own.system.of, own.rows.w, self.gamma, y, dd, dy], [y])
+        for term in newton.terms:
+            term.clip(clock.g)
         self.model.launch(self.stand_kernel, self.model.points,
                           [own.system.of, self.residual.array, clock.integrator.met[0]], [own.v.y])
