@@ -8,8 +8,9 @@ lead ahead (Anderson 1965; Walker, Ni 2011, Anderson acceleration for fixed-poin
 
     p = y - sum_j gamma_j (dd_j + dy_j),    |y - sum_j gamma_j dy_j| is least,    j = 1 .. SECANTS
 
-dd_j, dy_j are what d and y have changed by in the last steps. p is looked at as y is: where Phi is not less along it, the system
-stays where it is, and forgets its secants.
+dd_j, dy_j are what d and y have changed by in the last steps. p is looked at as y is. Where Phi is not less along it, the system
+stays where it is and forgets its secants: what they led back to was a saddle. It leaves that along y, by the best of FAR, FAR/2
+.. FAR / 2^HALVINGS of a step: each by itself would leave it by a ratio only.
 """
 
 from functools import cache
@@ -21,6 +22,8 @@ from wsim.kernels.math.real import types
 from wsim.kernels.solver.pcg import total
 
 SECANTS = 3            # kept; a crumpled sheet of 400 points is solved in half of the steps with 1, in a third with 3
+FAR = 32.0
+NEVER = 1e30           # times what a step should bring: the whole way alone is not taken before parts of it are looked at
 LEAST = 1e-12          # of the diagonal of their products, that is added to it: secants that are nearly parallel
 
 
@@ -109,11 +112,12 @@ def weigh(real, module):
 
     def weigh(words: wp.array(dtype=int), first: wp.array(dtype=int), own: wp.array(dtype=real), y: wp.array(dtype=t.vec3),
               dy: wp.array2d(dtype=t.vec3), step: wp.array(dtype=wp.float64), known: wp.array(dtype=int),
-              gamma_out: wp.array2d(dtype=wp.float64)):
+              drop: wp.array(dtype=wp.float64), gamma_out: wp.array2d(dtype=wp.float64), scale_out: wp.array(dtype=real)):
         body = wp.tid() // wp.block_dim()
         lane = wp.tid() - body * wp.block_dim()
         n = wp.min(known[body], SECANTS)
-        if words[1] == 0 or step[body] <= wp.float64(0.0):
+        far = words[1] > 0 and step[body] <= wp.float64(0.0)
+        if words[1] == 0 or far:
             n = 0
         M, r = square(), column()
         for i in range(first[body] + lane, first[body + 1], wp.block_dim()):
@@ -133,6 +137,11 @@ def weigh(real, module):
             for a in range(SECANTS):
                 gamma_out[body, a] = g[a]
             known[body] = n + 1
+            before = scale_out[body]
+            scale_out[body] = real(1.0)
+            if far and before == real(1.0):              # else it is too far
+                scale_out[body] = real(FAR)
+                drop[body] = wp.float64(NEVER)
 
     return wp.kernel(weigh, name=f"weigh_secants_{t.name}", module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=BLOCK)
@@ -145,11 +154,11 @@ def lead(real, module):
 
     @wp.kernel(module=module, enable_backward=False)
     def lead_ahead(words: wp.array(dtype=int), of: wp.array(dtype=int), w: wp.array(dtype=real),
-                   gamma: wp.array2d(dtype=wp.float64), y: wp.array(dtype=t.vec3), dd: wp.array2d(dtype=t.vec3),
-                   dy: wp.array2d(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
+                   gamma: wp.array2d(dtype=wp.float64), scale: wp.array(dtype=real), y: wp.array(dtype=t.vec3),
+                   dd: wp.array2d(dtype=t.vec3), dy: wp.array2d(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         if w[i] > real(0.0):
-            p = y[i]
+            p = scale[of[i]] * y[i]
             for a in range(SECANTS):
                 g = gamma[of[i], a]
                 if g != wp.float64(0.0):

@@ -34,6 +34,7 @@ class Further:
         n, systems, device, vec3 = self.model.points, newton.assembly.system.systems, self.model.device, types(real).vec3
         self.last = [wp.zeros(n, dtype=vec3, device=device) for _ in range(2)]
         self.secants = [wp.zeros((kernels.SECANTS, n), dtype=vec3, device=device) for _ in range(2)]
+        self.scale = wp.zeros(systems, dtype=real, device=device)
         self.known = wp.zeros(systems, dtype=int, device=device)
         self.gamma = wp.zeros((systems, kernels.SECANTS), dtype=wp.float64, device=device)
 
@@ -55,9 +56,9 @@ class Further:
         newton, own, launch, n = self.newton, self.newton.assembly, self.model.launch, self.model.points
         d, y, (dd, dy) = own.state.d, own.v.y, self.secants
         launch(self.keep, n, [self.words, d, y, *self.last], [dd, dy])
-        own.system.launch(self.weigh, [self.words, own.system.first, own.A.own, y, dy, newton.line.step, self.known],
-                          [self.gamma])
-        launch(self.lead, n, [self.words, own.system.of, own.rows.w, self.gamma, y, dd, dy], [y])
+        own.system.launch(self.weigh, [self.words, own.system.first, own.A.own, y, dy, newton.line.step, self.known,
+                                       own.system.drop], [self.gamma, self.scale])
+        launch(self.lead, n, [self.words, own.system.of, own.rows.w, self.gamma, self.scale, y, dd, dy], [y])
         for term in newton.terms:
             term.clip(clock.g)
         self.model.launch(self.stand_kernel, self.model.points,
