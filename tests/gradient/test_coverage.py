@@ -21,7 +21,7 @@ from wsim.gradient.rollout.products import Rollout
 from wsim.physics.fluid.objects import Fluid
 from wsim.physics.rigid.joints.joint import Drive, revolute, spherical
 from wsim.physics.rigid.objects import Body
-from wsim.scene import Collider, Pin, Scene, SceneError, Surface, Varying, methods, shapes
+from wsim.scene import Collider, Pin, Plane, Scene, SceneError, Surface, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.nodal.loads import between
 from wsim.scene.values import table
@@ -275,6 +275,12 @@ def moving():
 
 
 VARIES = Varying("/chain", "stiffness", Curve([0.0, 1.0], np.array([40.0, 50.0])))
+def landing() -> Scene:
+    scene = net(solver="implicit", integrator="implicit_midpoint")
+    scene.collider("/floor", Plane())
+    return scene
+
+
 CASES = {
     "method": ("/wheel", lambda: Simulation(turned(), device="cpu", gradients=True)),
     "varying": ("/chain", lambda: recorded(net(varying=[VARIES]))),
@@ -304,6 +310,7 @@ CASES = {
     "margin": ("/air", lambda: recorded(layered(margin=0.5))),
     "conserve": ("/air", lambda: recorded(layered(conserve=True, sides=("closed",) * 6))),
     "still": ("/air", lambda: inputs(recorded(still()), ["/air:viscosity"])),
+    "ends": ("/floor", lambda: Simulation(landing(), device="cpu", gradients=True)),
     "touched": ("/floor", lambda: gradient(net()).thickness("/floor")),
     "actuation": ("/chain", lambda: inputs(recorded(net()), ["/chain:actuation"])),
     "load": ("loads", lambda: gradient(net()).load()),

@@ -5,7 +5,6 @@
     solids     a sheet on a ball, a box and a capsule          stack    three sheets at angles fall on each other on a floor
     soft       a sheet between two soft blocks that meet at 8 m/s; not by XPBD
 
-The implicit midpoint takes throw, scrunch and soft alone: it has no colliders.
 
 Prims (k mod 3): 0 those of the world; 1 turned, scaled (by 0.01 to 100, and by up to 2 along axes) and up to 1 km away with all
 that is near; 2 turned and scaled alike, their points up to 1 km from their origins. Of nine in a hundred (k mod 11 = 5) sheets
@@ -16,7 +15,6 @@ import numpy as np
 
 from wsim.scene import Box, Capsule, Motion, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.fabric import Fabric
-from wsim.scene.integrator import TABLE
 
 SOLVERS = {
     "xpbd": {"solver": "xpbd", "integrator": "backward_euler", "iterations": 4},
@@ -57,9 +55,8 @@ class Draw:
 
     @property
     def able(self) -> bool:
-        """Whether its solver has what the draw needs: XPBD has no tetrahedra, the midpoint no colliders."""
-        scene = self.scene
-        return not (scene.softs and scene.solver == "xpbd" or scene.colliders and TABLE[scene.integrator].rebounds)
+        """Whether its solver has what the draw needs: XPBD has no tetrahedra."""
+        return not (self.scene.softs and self.scene.solver == "xpbd")
 
     def way(self) -> np.ndarray:
         """1 m to 1 km, anywhere."""

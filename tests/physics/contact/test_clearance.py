@@ -25,7 +25,8 @@ CPU: dict[str, Any] = {"device": "cpu", "precision": "float64"}
 MARCH, LEAPS = {"solver": "explicit"}, {"solver": "explicit", "cloth": True}
 STAGES = {"solver": "explicit", "integrator": "rk4"}
 XPBD, NEWTON = {"solver": "xpbd", "iterations": 3}, {"solver": "implicit", "iterations": 2}
-FORMS = {"march": MARCH, "leaps": LEAPS, "stages": STAGES, "xpbd": XPBD, "newton": NEWTON}
+FORMS = {"march": MARCH, "leaps": LEAPS, "stages": STAGES, "xpbd": XPBD, "newton": NEWTON,
+         "midpoint": NEWTON | {"integrator": "implicit_midpoint"}}
 WHOLE = ("march", "leaps", "stages")
 forms = pytest.mark.parametrize("form", FORMS)
 

@@ -9,7 +9,6 @@ from tests.physics.selfcontact.rig import run, said
 from tests.physics.selfcontact.rig import solvers as each
 from wsim.scene import Pin, Plane, Scene, shapes
 from wsim.scene.fabric import Fabric
-from wsim.scene.integrator import TABLE
 
 G, MU, WITHIN = 9.81, 0.5, 1.0                                                        # WITHIN: degrees about atan(MU)
 CLOTH = Fabric(stretch=60.0, shear=20.0, bend=1e-6, thickness=4e-3, density=100.0, static_friction=MU, dynamic_friction=MU)
@@ -40,8 +39,7 @@ def incline(angle: float, on: str, **more) -> Scene:
     return scene
 
 
-ROWS = [pytest.param(*row.values, on, id=f"{row.id}-{on}") for row in each() for on in ("plane", "cloth")
-        if not (on == "plane" and TABLE[row.values[0]["integrator"]].rebounds)]              # from colliders
+ROWS = [pytest.param(*row.values, on, id=f"{row.id}-{on}") for row in each() for on in ("plane", "cloth")]
 
 
 @pytest.mark.parametrize("solver, on", ROWS)

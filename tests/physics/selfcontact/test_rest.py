@@ -35,7 +35,7 @@ def folded(**more) -> Scene:
     return scene
 
 
-@pytest.mark.parametrize("solver", solvers("xpbd", "xpbd bdf2", "newton", "newton bdf2", "leapfrog", "rk4"))
+@pytest.mark.parametrize("solver", solvers("xpbd", "xpbd bdf2", "newton", "newton bdf2", "newton midpoint", "leapfrog", "rk4"))
 def test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is(solver):
     sim = run(folded(**solver))
     sim.run(60)

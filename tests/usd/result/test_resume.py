@@ -44,7 +44,7 @@ def draped(**more) -> Scene:
 @pytest.mark.parametrize("make, solver, integrator", [
     (swung, "explicit", "leapfrog"), (blown, "explicit", "leapfrog"), (draped, "explicit", "leapfrog"),
     (blown, "explicit", "rk4"), (draped, "xpbd", "backward_euler"), (draped, "xpbd", "bdf2"),
-    (draped, "implicit", "backward_euler")])
+    (draped, "implicit", "backward_euler"), (draped, "implicit", "implicit_midpoint")])
 def test_a_restart_from_the_fields_is_exact(make, solver, integrator):
     scene = make(solver=solver, integrator=integrator, **({"substeps": 96} if solver == "explicit" else {}))
     paths = [b.path for b in scene.bodies()]

@@ -30,11 +30,14 @@ def faces(body) -> np.ndarray:
 
 
 def build(b: Build) -> Contact:
-    """Raises SceneError where a smoothed contact is wanted of Newton's method."""
+    """Raises SceneError where a smoothed contact is wanted of Newton's method, and gradients of what has none."""
     movers = b.methods.find("movers")
     if b.scene.contact_width > 0.0 and movers is None and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
+    if b.model.gradients and b.clock.integrator.beyond:
+        from wsim.scene.values.coverage import refuse
+        raise refuse("ends", b.scene.colliders[0].path, integrator=b.clock.integrator.name)
     contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, movers)
     if "contact" in (b.methods.find("taken") or ()):
         contact.stages.clear()                           # explicit steps know contacts themselves, see kernels/fused/contact.py
