@@ -77,8 +77,7 @@ def end(real, module, part: float = 0.5):
     vectors = wp.array(dtype=t.vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def end_contacts(s: Slots, w: wp.array(dtype=real), at: Read, g: real, carried: int,
-                     d_out: vectors, a_out: vectors, v_out: vectors, push_out: vectors, rest_out: vectors):
+    def end_contacts(s: Slots, w: wp.array(dtype=real), at: Read, g: real, carried: int, out: Read, rest_out: vectors):
         i = wp.tid()
         d = at.d[i]
         e = at.e[i]
@@ -86,15 +85,15 @@ def end(real, module, part: float = 0.5):
         v = (d - a) / g
         if carried == 0 or w[i] > real(0.0):
             v = once * v - more * at.v[i]
-        d_out[i] = d + more * (d - e)
-        a_out[i] = a + more * (a - e)
-        v_out[i] = v
+        out.d[i] = d + more * (d - e)
+        out.a[i] = a + more * (a - e)
+        out.v[i] = v
         for slot in range(s.count[i]):
             j = slot * s.points + i
             start = wp.dot(s.n[j], e)
             s.b[j] = once * (s.b[j] + start) - start
             P = once * at.push[j]
-            push_out[j] = P
+            out.push[j] = P
             rest_out[j] = (real(part) * more / g) * P
 
     return end_contacts
@@ -102,8 +101,8 @@ def end(real, module, part: float = 0.5):
 
 @cache
 def even(real, module):
-    """Kernel over points: velocities behind contacts that push. Reads v, push. rest: J - P / h of each slot, which is kept, so
-    that others may push between two launches; was, now: see `begin`."""
+    """Kernel over points: velocities behind contacts that push. Reads v, push. rest: J - P / h of each slot, which stays, so that
+    others may push between two launches; was, now: see `begin`."""
     t, Slots, Read, meet = types(real), slots(real), read(real), meeting(real)
     Rows, Points = tables(real)
     vectors = wp.array(dtype=t.vec3)
@@ -117,7 +116,7 @@ def even(real, module):
         return u
 
     @wp.kernel(module=module, enable_backward=False)
-    def even_contacts(c: Rows, points: Points, s: Slots, at: Read, rest: vectors, was: wp.array(dtype=t.vec4),
+    def even_contacts(c: Rows, points: Points, s: Slots, at: Read, was: wp.array(dtype=t.vec4),
                       v_out: vectors, rest_out: vectors, now_out: wp.array(dtype=t.vec4)):
         i = wp.tid()
         bear = int(0)  # noqa: UP018
@@ -140,12 +139,9 @@ def even(real, module):
                     n = s.n[j]
                     P = at.push[j]
                     if wp.dot(P, n) > real(0.0):
-                        left = rest[j]
-                        if turn > 0:
-                            left = rest_out[j]
                         w = ahead(s, j, before)
                         mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
-                        v, J, _ = meet(n, -wp.dot(n, w), t.vec3(), w, left + P / c.h, v, mu, t.vec3())
+                        v, J, _ = meet(n, -wp.dot(n, w), t.vec3(), w, rest_out[j] + P / c.h, v, mu, t.vec3())
                         rest_out[j] = J - P / c.h
             v_out[i] = v
 

@@ -189,12 +189,12 @@ def bounce_held(real, module):
 @cache
 def bounce_beyond(real, module):
     """Kernel over points, where a step has gone on from its middle to its end (kernels/contact/prolonged.py): v is the velocity
-    before, V the one there. Reads v, e, d, a, push. Of a contact that throws nothing is left to give: push_out, rest_out."""
+    before, V the one there. Reads v, d, a, push, V. Of a contact that throws nothing is left to give: push_out, rest_out."""
     t, Read = types(real), read(real)
     Bounces, Slots, (struck, thrown), vectors = bounces(real), slots(real), formula(real), wp.array(dtype=t.vec3)
     Constants = constants(real)
 
-    def bounce_beyond(c: Bounces, constants: Constants, s: Slots, at: Read, V: vectors,
+    def bounce_beyond(c: Bounces, constants: Constants, s: Slots, at: Read,
                       d_out: vectors, V_out: vectors, push_out: vectors, rest_out: vectors):
         i = wp.tid()
         V0 = at.v[i]
@@ -204,10 +204,10 @@ def bounce_beyond(real, module):
             n = s.n[j]
             o = constants.object[i]
             A = constants.gravity[o] - constants.decay[o] * V0
-            p, q = thrown(c, s, i, j, at.a[i], V0, A, V[i])
+            p, q = thrown(c, s, i, j, at.a[i], V0, A, V_out[i])
             if p > real(0.0):
                 d_out[i] = at.d[i] + p * n
-                V_out[i] = V[i] + q * n
+                V_out[i] = V_out[i] + q * n
                 push_out[j] = t.vec3()
                 rest_out[j] = t.vec3()
 

@@ -62,29 +62,45 @@ def stand(real, module):
 
 
 @cache
+def secants(real):
+    """Struct of the secants of all points, and of what systems make of them."""
+    t = types(real)
+
+    @wp.struct
+    class Secants:
+        d: wp.array(dtype=t.vec3)                   # d and y of the last step, (points,)
+        y: wp.array(dtype=t.vec3)
+        dd: wp.array2d(dtype=t.vec3)                # (SECANTS, points), in turn
+        dy: wp.array2d(dtype=t.vec3)
+        known: wp.array(dtype=int)                  # steps since it has begun anew, (systems,)
+        gamma: wp.array2d(dtype=wp.float64)         # (systems, SECANTS)
+        scale: wp.array(dtype=t.scalar)             # of y, (systems,)
+
+    return Secants
+
+
+@cache
 def keep(real, module):
     """Kernel over points: the secants of this step; d and y are kept for the next. step: what words[1] of `look` counts."""
-    t = types(real)
-    vectors = wp.array(dtype=t.vec3)
+    Secants, vectors = secants(real), wp.array(dtype=types(real).vec3)
 
     @wp.kernel(module=module, enable_backward=False)
-    def keep_secants(words: wp.array(dtype=int), d: vectors, y: vectors, d_last: vectors, y_last: vectors,
-                     dd_out: wp.array2d(dtype=t.vec3), dy_out: wp.array2d(dtype=t.vec3)):
+    def keep_secants(words: wp.array(dtype=int), d: vectors, y: vectors, out: Secants):
         i = wp.tid()
         row = words[1] % SECANTS
-        dd_out[row, i] = d[i] - d_last[i]
-        dy_out[row, i] = y[i] - y_last[i]
-        d_last[i] = d[i]
-        y_last[i] = y[i]
+        out.dd[row, i] = d[i] - out.d[i]
+        out.dy[row, i] = y[i] - out.y[i]
+        out.d[i] = d[i]
+        out.y[i] = y[i]
 
     return keep_secants
 
 
 @cache
 def weigh(real, module):
-    """Kernel over systems times a block of threads: gamma of each secant. step: of the line search before, not above 0 where it
-    found nothing; known: steps since a system has begun anew."""
-    t = types(real)
+    """Kernel over systems times a block of threads: gamma of each secant, and the scale of y. step: of the line search before,
+    not above 0 where it found nothing."""
+    t, Secants = types(real), secants(real)
     square = wp.types.matrix((SECANTS, SECANTS), wp.float64)
     column = wp.types.vector(SECANTS, wp.float64)
 
@@ -111,11 +127,10 @@ def weigh(real, module):
         return g
 
     def weigh(words: wp.array(dtype=int), first: wp.array(dtype=int), own: wp.array(dtype=real), y: wp.array(dtype=t.vec3),
-              dy: wp.array2d(dtype=t.vec3), step: wp.array(dtype=wp.float64), known: wp.array(dtype=int),
-              drop: wp.array(dtype=wp.float64), gamma_out: wp.array2d(dtype=wp.float64), scale_out: wp.array(dtype=real)):
+              step: wp.array(dtype=wp.float64), drop_out: wp.array(dtype=wp.float64), out: Secants):
         body = wp.tid() // wp.block_dim()
         lane = wp.tid() - body * wp.block_dim()
-        n = wp.min(known[body], SECANTS)
+        n = wp.min(out.known[body], SECANTS)
         far = words[1] > 0 and step[body] <= wp.float64(0.0)
         if words[1] == 0 or far:
             n = 0
@@ -123,10 +138,10 @@ def weigh(real, module):
         for i in range(first[body] + lane, first[body + 1], wp.block_dim()):
             m = wp.float64(own[i])
             for a in range(n):
-                va = dy[(words[1] + SECANTS - a) % SECANTS, i]
+                va = out.dy[(words[1] + SECANTS - a) % SECANTS, i]
                 r[a] = r[a] + m * wp.float64(wp.dot(va, y[i]))
                 for b in range(a + 1):
-                    M[a, b] = M[a, b] + m * wp.float64(wp.dot(va, dy[(words[1] + SECANTS - b) % SECANTS, i]))
+                    M[a, b] = M[a, b] + m * wp.float64(wp.dot(va, out.dy[(words[1] + SECANTS - b) % SECANTS, i]))
         for a in range(n):
             r[a] = total(r[a])
             for b in range(a + 1):
@@ -135,13 +150,13 @@ def weigh(real, module):
         if lane == 0:
             g = solved(M, r, n)
             for a in range(SECANTS):
-                gamma_out[body, a] = g[a]
-            known[body] = n + 1
-            before = scale_out[body]
-            scale_out[body] = real(1.0)
-            if far and before == real(1.0):              # else it is too far
-                scale_out[body] = real(FAR)
-                drop[body] = wp.float64(NEVER)
+                out.gamma[body, a] = g[a]
+            out.known[body] = n + 1
+            near = out.scale[body] == real(1.0)
+            out.scale[body] = real(1.0)
+            if far and near:                             # else it was too far
+                out.scale[body] = real(FAR)
+                drop_out[body] = wp.float64(NEVER)
 
     return wp.kernel(weigh, name=f"weigh_secants_{t.name}", module=module, enable_backward=False, grid_stride=False,
                      launch_bounds=BLOCK)
@@ -150,20 +165,19 @@ def weigh(real, module):
 @cache
 def lead(real, module):
     """Kernel over points: the way p, of the step y. of: system of a point."""
-    t = types(real)
+    t, Secants = types(real), secants(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lead_ahead(words: wp.array(dtype=int), of: wp.array(dtype=int), w: wp.array(dtype=real),
-                   gamma: wp.array2d(dtype=wp.float64), scale: wp.array(dtype=real), y: wp.array(dtype=t.vec3),
-                   dd: wp.array2d(dtype=t.vec3), dy: wp.array2d(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
+    def lead_ahead(words: wp.array(dtype=int), of: wp.array(dtype=int), w: wp.array(dtype=real), s: Secants,
+                   y: wp.array(dtype=t.vec3), y_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         if w[i] > real(0.0):
-            p = scale[of[i]] * y[i]
+            p = s.scale[of[i]] * y[i]
             for a in range(SECANTS):
-                g = gamma[of[i], a]
+                g = s.gamma[of[i], a]
                 if g != wp.float64(0.0):
                     row = (words[1] + SECANTS - a) % SECANTS
-                    p -= real(g) * (dd[row, i] + dy[row, i])
+                    p -= real(g) * (s.dd[row, i] + s.dy[row, i])
             y_out[i] = p
 
     return lead_ahead

@@ -21,7 +21,7 @@ from wsim.gradient.rollout.products import Rollout
 from wsim.physics.fluid.objects import Fluid
 from wsim.physics.rigid.joints.joint import Drive, revolute, spherical
 from wsim.physics.rigid.objects import Body
-from wsim.scene import Collider, Pin, Plane, Scene, SceneError, Surface, Varying, methods, shapes
+from wsim.scene import Collider, Pin, Scene, SceneError, Surface, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.nodal.loads import between
 from wsim.scene.values import table

@@ -1,4 +1,4 @@
-"""Bodies in a Newton step of points (kernels/contact/active_set.py): where planes will be when the step is done.
+"""Bodies in a Newton step of points (kernels/contact/newton/active_set.py): where planes will be when the step is done.
 
 A step of Newton's method holds points at planes that go with a body as it has been foreseen, and says how they push, P. A
 star (kernels/rigid/touch/star.py) then foresees it anew, of points that give way as A_ii lets them alone: the block of a point

@@ -90,18 +90,22 @@ class Contact(Method):
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
         self.clearance: Any = None                       # `wsim.physics.contact.clearance.Clearance`
         self.prolonged: Any = None                       # `wsim.physics.contact.prolonged.Prolonged`
+        self.bounce: Any = None
+        self.ends(clock)
+        if movers:
+            movers.join(self)
+        self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
+
+    def ends(self, clock: Clock) -> None:
+        """Stages behind the last iteration, where a step goes on to its end, and where colliders throw back."""
         if clock.integrator.beyond:
             from wsim.physics.contact.prolonged import Prolonged
             self.prolonged = Prolonged(self)
             self.stages.append(self.prolonged.stage)
-        self.bounce: Any = None
-        if any(c.restitution > 0.0 for c in colliders):
+        if any(c.restitution > 0.0 for c in self.model.scene.colliders):
             from wsim.physics.contact.restitution import Bounce
-            self.bounce = Bounce(model, state, points, self.contacts, self.prolonged)
+            self.bounce = Bounce(self.model, self.state, self.points, self.contacts, self.prolonged)
             self.stages += self.bounce.stages
-        if movers:
-            movers.join(self)
-        self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
 
     def short(self, explicit: bool) -> None:
         """Parts that explicit steps have, which are many and short."""
@@ -174,7 +178,7 @@ class Contact(Method):
         behind = bool(others.every("batches") or others.find("self-contact"))
         if terms is None:
             return
-        from wsim.physics.contact.active_set import ActiveSet  # Newton steps hold contacts themselves
+        from wsim.physics.contact.newton.active_set import ActiveSet  # Newton steps hold contacts themselves
         active = ActiveSet(others.find("assembly"), self.contacts)
         terms.append(active)
         self.within, self.press = True, active.press if behind else None

@@ -69,13 +69,12 @@ class Prolonged:
             return
         c, s, a = self.contacts, self.state, self.contact.anchor
         at = c.read(v=s.v, e=s.e, d=s.d, a=a, push=c.push)
-        self.launch("end", [c.slots, self.points.constants.w, at, clock.g, int(self.surfaces)],
-                    [s.d, a, s.v, c.push, self.rest])
+        self.launch("end", [c.slots, self.points.constants.w, at, clock.g, int(self.surfaces)], [at, self.rest])
         self.ended = True
         self.even(s.v)
 
     def even(self, v: wp.array) -> None:
         """Velocities v [m/s] behind contacts, as far as they have pushed by now."""
         c = self.contacts
-        self.launch("even", [c.table, c.points, c.slots, c.read(v=v, push=c.push), self.rest, self.was],
+        self.launch("even", [c.table, c.points, c.slots, c.read(v=v, push=c.push), self.was],
                     [v, self.rest, self.now])

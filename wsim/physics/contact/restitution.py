@@ -77,7 +77,7 @@ class Bounce:
         d, a = s.d, self.points.anchor
         if self.prolonged and self.prolonged.asked(clock):
             at = c.read(v=self.before, d=d, a=a, push=c.push)
-            self.model.launch(self.beyond, c.count, [table, self.points.constants, c.slots, at, s.v],
+            self.model.launch(self.beyond, c.count, [table, self.points.constants, c.slots, at],
                               [d, s.v, c.push, self.prolonged.rest])
             return
         if self.free:

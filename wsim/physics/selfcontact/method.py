@@ -6,7 +6,8 @@ impulses, BEHIND of them (as pairs of carriers do), and more while a pair would 
 light between what is heavy takes hundreds. By leapfrog only where there are neither colliders nor strands: what is read behind
 half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
 behind each solver: it changes displacements before velocities are made of them. The implicit midpoint goes on to the end of its
-steps before (wsim/physics/selfcontact/prolonged.py), by XPBD too, with colliders or without; sdirk3, which solves twice a step, is refused by the check.
+steps before (wsim/physics/selfcontact/prolonged.py), by XPBD too, with colliders or without; sdirk3, which solves twice a step,
+is refused by the check.
 """
 
 from __future__ import annotations

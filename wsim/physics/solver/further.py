@@ -14,6 +14,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import further as kernels
 from wsim.model.stage import Clock
+from wsim.model.structs import filled
 
 if TYPE_CHECKING:
     from wsim.physics.solver.newton import Implicit
@@ -32,11 +33,12 @@ class Further:
         self.keep, self.lead = kernels.keep(real, module), kernels.lead(real, module)
         self.weigh = kernels.weigh(real, self.model.sweep_module)
         n, systems, device, vec3 = self.model.points, newton.assembly.system.systems, self.model.device, types(real).vec3
-        self.last = [wp.zeros(n, dtype=vec3, device=device) for _ in range(2)]
-        self.secants = [wp.zeros((kernels.SECANTS, n), dtype=vec3, device=device) for _ in range(2)]
-        self.scale = wp.zeros(systems, dtype=real, device=device)
-        self.known = wp.zeros(systems, dtype=int, device=device)
-        self.gamma = wp.zeros((systems, kernels.SECANTS), dtype=wp.float64, device=device)
+        rows = kernels.SECANTS
+        self.secants = filled(kernels.secants(real), known=wp.zeros(systems, dtype=int, device=device),
+                              gamma=wp.zeros((systems, rows), dtype=wp.float64, device=device),
+                              scale=wp.ones(systems, dtype=real, device=device),
+                              **{name: wp.zeros(n, dtype=vec3, device=device) for name in ("d", "y")},
+                              **{name: wp.zeros((rows, n), dtype=vec3, device=device) for name in ("dd", "dy")})
 
     def go(self, clock: Clock) -> None:
         """Steps while a residual, which is measured, is too large."""
@@ -54,11 +56,10 @@ class Further:
     def ahead(self, clock: Clock) -> None:
         """The way of a step, ahead along the last ones, outside of colliders; none for who needs none."""
         newton, own, launch, n = self.newton, self.newton.assembly, self.model.launch, self.model.points
-        d, y, (dd, dy) = own.state.d, own.v.y, self.secants
-        launch(self.keep, n, [self.words, d, y, *self.last], [dd, dy])
-        own.system.launch(self.weigh, [self.words, own.system.first, own.A.own, y, dy, newton.line.step, self.known,
-                                       own.system.drop], [self.gamma, self.scale])
-        launch(self.lead, n, [self.words, own.system.of, own.rows.w, self.gamma, self.scale, y, dd, dy], [y])
+        y, system = own.v.y, own.system
+        launch(self.keep, n, [self.words, own.state.d, y], [self.secants])
+        system.launch(self.weigh, [self.words, system.first, own.A.own, y, newton.line.step], [system.drop, self.secants])
+        launch(self.lead, n, [self.words, system.of, own.rows.w, self.secants, y], [y])
         for term in newton.terms:
             term.clip(clock.g)
         self.model.launch(self.stand_kernel, self.model.points,

@@ -7,9 +7,10 @@ substep began (bodies that nothing holds go on with their momentum from there, s
 ends below what standing still costs, and backward Euler cannot gain energy, however few steps are taken. Every body is a system
 of its own with its own steps: worlds do not see each other.
 
-Contacts and soft pins enter the system (`wsim.physics.contact.active_set`, kernels/solver/soft_pin.py); tethers and strain
-limits are projected behind the last step, as many sweeps as there were steps, contacts behind each (so do recordings of
-gradients, `wsim.physics.solver.newton_adjoint`).
+Contacts and soft pins enter the system (`wsim.physics.contact.newton.active_set`, kernels/solver/pins/soft_pin.py); tethers and
+strain limits are projected behind the last step, as many sweeps as there were steps, contacts behind each (so do recordings of
+gradients, `wsim.physics.solver.newton_adjoint`). Substeps of the implicit midpoint take further steps until their residual is
+met (`wsim.physics.solver.further`).
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton_adjoint
 from wsim.model.tape import without
-from wsim.physics.contact.active_set_adjoint import ContactsAdjoint
+from wsim.physics.contact.newton.active_set_adjoint import ContactsAdjoint
 from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.forces_adjoint import Forces
 from wsim.physics.solver.gcr import Directions

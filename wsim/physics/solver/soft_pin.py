@@ -1,9 +1,9 @@
-"""Soft pins within a Newton step (`wsim.physics.solver.newton`). Equations: kernels/solver/soft_pin.py."""
+"""Soft pins within a Newton step (`wsim.physics.solver.newton`). Equations: kernels/solver/pins/soft_pin.py."""
 
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.kernels.solver.soft_pin import pinned
+from wsim.kernels.solver.pins.soft_pin import pinned
 from wsim.model.stage import Clock
 from wsim.physics.solver.assembly import Assembly, Term
 

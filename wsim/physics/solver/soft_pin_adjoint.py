@@ -1,8 +1,8 @@
-"""Soft pins of an implicit substep that is solved to a residual, and their adjoint: kernels/solver/soft_pin_adjoint.py."""
+"""Soft pins of an implicit substep that is solved to a residual, and their adjoint: kernels/solver/pins/soft_pin_adjoint.py."""
 
 import warp as wp
 
-from wsim.kernels.solver import soft_pin_adjoint as kernels
+from wsim.kernels.solver.pins import soft_pin_adjoint as kernels
 from wsim.model.model import Model
 
 

@@ -184,8 +184,8 @@ REFUSED: dict[str, Refused] = {
     "wind": Refused("wind that meets nothing", "no cloth has drag or lift, so that wind does nothing; leave it out"),
     "restitution": Refused("a restitution of 0", "its restitution is 0, and nothing is thrown back: no derivative; give it one "
                            "> 0"),
-    "ends": Refused("contacts with colliders by the implicit midpoint", "is met where the steps of {integrator} end, which has no "
-                    "derivative; take wsim:integrator = bdf2, backward_euler or an explicit one"),
+    "ends": Refused("contacts with colliders by the implicit midpoint", "is met where the steps of {integrator} end, which has "
+                    "no derivative; take wsim:integrator = bdf2, backward_euler or an explicit one"),
     "touched": Refused("contacts without a collider", "there is no collider, so that nothing touches"),
     "actuation": Refused("muscles that there are not", "no net has muscles; give one an actuation"),
     "impulses": Refused("contacts of rigid bodies after a number of sweeps", "can meet {other}, and impulses after a number of "

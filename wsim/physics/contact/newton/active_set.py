@@ -1,12 +1,12 @@
 """Contacts in Newton steps: an active set of planes and of points that stick, with friction. Equations:
-kernels/contact/active_set.py, kernels/contact/newton_friction.py."""
+kernels/contact/newton/active_set.py, kernels/contact/newton/friction.py."""
 
 from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact import active_set as kernels
-from wsim.kernels.contact import newton_friction
+from wsim.kernels.contact.newton import active_set as kernels
+from wsim.kernels.contact.newton import friction
 from wsim.model.stage import Clock
 from wsim.physics.solver.assembly import Assembly, Term
 
@@ -18,7 +18,7 @@ class ActiveSet(Term):
         """contacts: `wsim.physics.contact.contacts.Contacts`."""
         self.assembly, self.contacts, model = assembly, contacts, assembly.model
         self.kernels: dict[str, Any] = {f.__name__: f(model.real, model.module) for f in (
-            kernels.hold, kernels.clip, newton_friction.rub, newton_friction.press)}
+            kernels.hold, kernels.clip, friction.rub, friction.press)}
         self.kernels["remain"] = kernels.remain(model.real, model.module, assembly.springs, assembly.elements)
         self.held = kernels.structs(model.real).Held()
         self.held.f, self.held.start, self.r = (wp.zeros_like(assembly.f) for _ in range(3))
@@ -75,4 +75,5 @@ class ActiveSet(Term):
 
     def press(self, clock: Clock, g: float = 0.0) -> None:
         """Presses d out of colliders, where it was moved without a look at contacts. g [s]: that of d, if it is another."""
-        self.run("press", [*self.tables, g or clock.g, self.assembly.points.anchor], [self.assembly.state.d, self.contacts.push])
+        m, g = self.assembly, g or clock.g
+        self.run("press", [*self.tables, g, m.points.anchor], [m.state.d, self.contacts.push])

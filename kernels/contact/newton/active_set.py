@@ -2,7 +2,7 @@
 left.
 
 A contact that bears takes its direction out of the system: P = S (A_ii)^-1 S, S = I - n n^T (Baraff, Witkin 1998, section 5.1);
-one that sticks (kernels/contact/newton_friction.py) all of them, S = 0; one that slides adds its drag. The step begins with the
+one that sticks (kernels/contact/newton/friction.py) all of them, S = 0; one that slides adds its drag. The step begins with the
 way to the planes, and back to where a point sticks, `start`, so that it solves for what is free
 
     A z = f - A start,   y = start + z          with S f = f, z = S z
@@ -23,7 +23,7 @@ import warp as wp
 
 from wsim.kernels.cloth.constraint import inverse
 from wsim.kernels.contact import project
-from wsim.kernels.contact.newton_friction import formulas
+from wsim.kernels.contact.newton.friction import formulas
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton, pcg
 from wsim.kernels.solver.newton import inverse_of

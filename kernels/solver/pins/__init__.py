@@ -1,0 +1,1 @@
+"""Soft pins in Newton steps."""
