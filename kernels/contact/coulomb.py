@@ -1,4 +1,5 @@
-"""What contacts bear at the solution of an implicit substep. See kernels/contact/newton/active_set.py, kernels/contact/project.py.
+"""What contacts bear at the solution of an implicit substep. See kernels/contact/newton/active_set.py and
+kernels/contact/project.py.
 
     F = f - own (d - b)    all forces on a point but those of contacts [N]        own = m / g^2        f  of elements and pins
     w = a + g u            where the surface carries it     s = (I - n n^T) (d - w)     how far it has slid [m], t = s / |s|

@@ -101,7 +101,7 @@ def end(real, module, part: float = 0.5):
 
 @cache
 def even(real, module):
-    """Kernel over points: velocities behind contacts that push. Reads v, push. rest: J - P / h of each slot, which stays, so that
+    """Kernel over points: velocities behind contacts that push. Reads v, push. rest: J - P / h of each slot: it stays, so that
     others may push between two launches; was, now: see `begin`."""
     t, Slots, Read, meet = types(real), slots(real), read(real), meeting(real)
     Rows, Points = tables(real)

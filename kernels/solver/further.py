@@ -3,14 +3,14 @@
 A system goes on while its residual is above what its integrator needs (`met` in wsim/scene/integrator.py), for so many steps.
 One that has met it keeps its d to the bit, whatever others do: worlds do not see each other.
 
-Where a part of the Jacobian is left out, steps y(d) go to the solution by a ratio. The last ones say by which, and their secants
+Where a part of the Jacobian is left out, steps y(d) go to the solution by a ratio. The last ones say by which: their secants
 lead ahead (Anderson 1965; Walker, Ni 2011, Anderson acceleration for fixed-point iterations, eq. 2.2, in the norm of own):
 
     p = y - sum_j gamma_j (dd_j + dy_j),    |y - sum_j gamma_j dy_j| is least,    j = 1 .. SECANTS
 
-dd_j, dy_j are what d and y have changed by in the last steps. p is looked at as y is. Where Phi is not less along it, the system
-stays where it is and forgets its secants: what they led back to was a saddle. It leaves that along y, by the best of FAR, FAR/2
-.. FAR / 2^HALVINGS of a step: each by itself would leave it by a ratio only.
+dd_j, dy_j are what d and y have changed by in the last steps. p is looked at as y is. Where Phi is not less along it, the
+system stays where it is and forgets its secants: what they led back to was a saddle. It leaves that along y, by the best of FAR,
+FAR/2 .. FAR / 2^HALVINGS of a step, where each step would leave it by a ratio only.
 """
 
 from functools import cache
@@ -21,7 +21,7 @@ from wsim.kernels.math.block import BLOCK
 from wsim.kernels.math.real import types
 from wsim.kernels.solver.pcg import total
 
-SECANTS = 3            # kept; a crumpled sheet of 400 points is solved in half of the steps with 1, in a third with 3
+SECANTS = 3            # kept
 FAR = 32.0
 NEVER = 1e30           # times what a step should bring: the whole way alone is not taken before parts of it are looked at
 LEAST = 1e-12          # of the diagonal of their products, that is added to it: secants that are nearly parallel

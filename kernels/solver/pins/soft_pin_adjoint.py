@@ -1,4 +1,5 @@
-"""Soft pins of an implicit substep as forces, and their adjoints: kernels/solver/pins/soft_pin.py, kernels/solver/newton_adjoint.py.
+"""Soft pins of an implicit substep as forces, and their adjoints: kernels/solver/pins/soft_pin.py and
+kernels/solver/newton_adjoint.py.
 
     F = K (target - x - d) - c v,   v = (d - a) / g,   K = 1 / alpha       of each pin at a free point
 
