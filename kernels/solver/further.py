@@ -9,8 +9,8 @@ lead ahead (Anderson 1965; Walker, Ni 2011, Anderson acceleration for fixed-poin
     p = y - sum_j gamma_j (dd_j + dy_j),    |y - sum_j gamma_j dy_j| is least,    j = 1 .. SECANTS
 
 dd_j, dy_j are what d and y have changed by in the last steps. p is looked at as y is. Where Phi is not less along it, the
-system stays where it is and forgets its secants: what they led back to was a saddle. It leaves that along y, by the best of FAR,
-FAR/2 .. FAR / 2^HALVINGS of a step, where each step would leave it by a ratio only.
+system stays where it is and forgets its secants: what they led back to was a saddle. It leaves that along y, by the best of
+FAR, FAR/2 .. FAR / 2^HALVINGS of a step, where each step would leave it by a ratio only.
 """
 
 from functools import cache

@@ -1,5 +1,5 @@
-"""Coulomb friction in a Newton step (kernels/contact/newton/active_set.py): a drag towards no slip, and what a line search looks
-at.
+"""Coulomb friction in a Newton step (kernels/contact/newton/active_set.py): a drag towards no slip, and what a line search
+looks at.
 
     lam [m]   push along the normal n, kernels/contact/project.py         s = (I - n n^T) (d - a - g u)   how far a point has
               slid [m]

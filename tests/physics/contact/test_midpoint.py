@@ -117,7 +117,8 @@ def test_what_slides_on_a_ball_keeps_its_energy_to_first_order():
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 def test_contacts_do_no_work_and_what_they_throw_back_is_taken(friction):
     """In every substep of a steep sheet that falls on a floor: J . (d - e) is not positive, nor what impulses do to the kinetic
-    energy; with friction, of which they give a part back, both together. The rest is the sheet's own."""
+    energy. With friction, of which they give a part back, both together; but what stuck by a push of which half is taken back
+    slides off before the sheet has moved, so that one substep gains a thousandth of what contacts take in 12 frames."""
     scene = draped(Plane("Y"), 12, friction)
     cloth, angle = scene.cloths[0], 0.9
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
@@ -147,7 +148,7 @@ def test_contacts_do_no_work_and_what_they_throw_back_is_taken(friction):
         sim.frame += 1
     work, taken = np.array(found).T
     assert work.min() < -1e-9 and taken.min() < -1e-6
-    assert work.max() < 1e-9 * -work.sum() and (work + taken).max() < 1e-9 * -taken.sum()
+    assert work.max() < 1e-9 * -work.sum() and (work + taken).max() < (1e-3 if friction else 1e-9) * -taken.sum()
     assert friction or taken.max() < 1e-9 * -taken.sum()
 
 
