@@ -2,7 +2,8 @@
 
 The first command, which installs and runs a scene, has an empty kernel cache, as a newcomer has. The tests keep theirs from run
 to run (keys are hashes of what is compiled): in WSIM_CI_KERNELS, or in ~/.cache/wsim-ci; an empty value keeps nothing. One
-that has grown beyond LARGE is emptied first.
+that has grown beyond LARGE is emptied first. mypy keeps there what it knows of each file, by hashes too. Python keeps bytecode
+in the copy, whatever the environment says: without, every process of the tests would read all sources anew.
 
 Tests that were skipped run again with the extras that they need, and those alone: by pytest's report of the first run.
 
@@ -25,8 +26,8 @@ ROOT = Path(__file__).resolve().parents[1]
 LITTER = shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info", ".*_cache", "build", "dist")
 REPORT, AGAIN = "../report.xml", "../again.txt"         # of the tests of the second command; those of them that the extras run
 OTHER = re.compile("CUDA|GPU")                          # in reasons to skip that no extra mends
-CHECKS = (".venv/bin/pip install -q -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q @{AGAIN}", ".venv/bin/ruff check .",
-          ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
+CHECKS = (".venv/bin/pip install -q --no-compile -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q @{AGAIN}",
+          ".venv/bin/ruff check .", ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
 LARGE = 4e9                                     # [bytes] of kernels of the tests; one commit's are 0.5e9
 CLOSING = re.compile(r"\b(passed|failed|errors?)\b.* in [\d.]+s")
 MADE = ("hanging.usdc", "hanging.png")          # what the first command must leave behind
@@ -102,13 +103,13 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="wsim-ci-") as place:
         folder = Path(place, "wsim")
         copy(folder)
-        strange = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")
+        strange = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE")
         environment = {k: v for k, v in os.environ.items() if k not in strange}
         environment["WARP_CACHE_PATH"] = str(Path(place, "kernels"))
         for number, command in enumerate((*commands(), *CHECKS)):
             if number == 1 and (cache := kept()):
                 print(f"kernels are kept: {sum(1 for _ in cache.rglob('*.meta'))} modules were there", flush=True)
-                environment["WARP_CACHE_PATH"] = str(cache)
+                environment |= {"WARP_CACHE_PATH": str(cache), "MYPY_CACHE_DIR": str(cache / "mypy")}
             reporting = {"PYTEST_ADDOPTS": f"--junitxml={REPORT}"} if number == 1 else {}
             good, lines = step(command, folder, environment | reporting)
             if not good:

@@ -167,7 +167,7 @@ def entries(root: Path = ROOT, folders=("wsim", "kernels", "tests", "tools")) ->
 def _marks(entry: Path) -> bool:
     """True if nobody reads an entry of a folder."""
     empty = entry.name == "__init__.py" and not entry.stat().st_size
-    return entry.name in MARKERS or entry.is_symlink() or empty
+    return entry.name in (*MARKERS, "__pycache__") or entry.is_symlink() or empty
 
 
 def cycles(files: dict[Path, str]) -> Iterator[str]:
