@@ -224,6 +224,7 @@ SLOW = {
         "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is[newton bdf2]",
         "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is[newton midpoint]",
         "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is[leapfrog]",
+        "test_a_folded_cloth_at_rest_is_calm_and_as_thick_as_it_is[rk4]",
         "test_a_folded_cloth_at_rest_on_a_cloth_is_calm_by_the_midpoint"],
     "physics/selfcontact/test_guarantee.py": [
         "test_a_crumpled_sheet_has_no_intersection_in_any_substep[0]",
