@@ -15,7 +15,8 @@ Unilateral contact and dry friction in finite freedom dynamics, section 4), for 
 
 which is a projection of v in the norm of the masses: it takes kinetic energy, and leaves what lasts as it is. w is the velocity
 of the surface at the end. u is its mean over the step, and of a contact that lasts w = u + (u - u_before) / 2, without which
-the force on what rides on a surface that accelerates would be twice as much. Order 2 where contacts last, 1 where they begin.
+the force on what rides on a surface that accelerates would be twice as much. Of order 1 where contacts begin, or slide along
+what bends (a sphere: test_midpoint.py).
 """
 
 from functools import cache
