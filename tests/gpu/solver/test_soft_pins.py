@@ -1,12 +1,15 @@
-"""Soft pins that share points, on a GPU, where all pins of a launch pull at once."""
+"""Soft pins that share points, on a GPU, where all pins of a launch pull at once. Skipped where there is no CUDA device."""
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.physics.motion.test_soft_pins import balance, pulled
 from tests.physics.selfcontact.rig import solvers
 from wsim.simulation.simulation import Simulation
 
+wp.init()
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
 
 @pytest.mark.parametrize("solver", solvers("xpbd", "xpbd bdf2", "newton", "leapfrog", "rk4"))
 @pytest.mark.parametrize("count", [2, 3])
