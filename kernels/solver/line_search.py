@@ -214,18 +214,27 @@ def left(real, module):
 def rounded(real, module):
     """Kernel over bodies times a block of threads: the residual of a body is 0 where each |f| <= own e, e being ROUNDED units
     of rounding of the point's place: as the matrix is own and what stiffness adds, f would then move no body by more than e in
-    the norm of its masses. That is all that is left of one that flies without a force."""
+    the norm of its masses. And where a body flies: it has no weight, no point has left its way b, or would go on by f beside
+    others that stay, by more than e of its place and the mean size of all places. There forces of elements are those of places
+    that are rounded, those of neighbours, too, and own (d - b), which f is compared with, is rounding."""
     t, s, Constants, unit = types(real), structs(real), constants(real), real(ROUNDED * UNIT[real])
 
     def rounded(c: Constants, A: s.Matrix, first: wp.array(dtype=int), f: wp.array(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                d: wp.array(dtype=t.vec3), part_out: wp.array(dtype=real)):
+                d: wp.array(dtype=t.vec3), b: wp.array(dtype=t.vec3), part_out: wp.array(dtype=real)):
         body = wp.tid() // wp.block_dim()
         lane = wp.tid() - body * wp.block_dim()
         count = wp.float64(0.0)
+        size = wp.float64(0.0)
+        for i in range(first[body] + lane, first[body + 1], wp.block_dim()):
+            size += wp.float64(wp.length(x[i]))
+        mean = real(total(size)) / real(wp.max(first[body + 1] - first[body], 1))
         for i in range(first[body] + lane, first[body + 1], wp.block_dim()):
             most = unit * (wp.length(x[i]) + wp.length(d[i]))
             if c.w[i] > real(0.0) and not wp.length(f[i]) <= A.own[i] * most:
-                count += wp.float64(1.0)
+                wide = most + unit * mean
+                flies = wp.length(d[i] - b[i]) <= wide and wp.length(A.P[i] * f[i]) <= wide
+                if not flies or wp.length_sq(c.gravity[c.object[i]]) > real(0.0):
+                    count += wp.float64(1.0)
         count = total(count)
         if lane == 0 and count == wp.float64(0.0):
             part_out[body] = real(0.0)

@@ -19,10 +19,11 @@ class Residual:
         status.reserve(UNSOLVED, len(model.bodies))
         self.array = assembly.system.zeros(assembly.system.systems, model.real)
         self.left, self.unmet = line_search.left(model.real, model.sweep_module), line_search.unmet(model.real, model.module)
+        self.rounded = line_search.rounded(model.real, model.sweep_module)
         if clock.watched:
             status.reserve(MISSED)
             from wsim.kernels.solver.xpbd_residual import judge
-            self.judge, self.rounded = judge(model.real, model.module), line_search.rounded(model.real, model.sweep_module)
+            self.judge = judge(model.real, model.module)
 
     def measure(self, clock: Clock, terms: Iterable[Term]) -> None:
         """Measures what the last Newton step left, by the system at its end, which is assembled."""
@@ -35,9 +36,8 @@ class Residual:
             own.system.schwarz.left(own, f, self.array)
         else:
             own.system.launch(self.left, [own.points.constants, own.A, own.system.first, f, own.state.d, own.b], [self.array])
-        if clock.watched:
-            own.system.launch(self.rounded, [own.points.constants, own.A, own.system.first, f, own.state.x, own.state.d],
-                              [self.array])
+        own.system.launch(self.rounded, [own.points.constants, own.A, own.system.first, f, own.state.x, own.state.d, own.b],
+                          [self.array])
 
     def say(self, clock: Clock) -> None:
         """Says what is left, and whether an integrator that needs it may go on."""
