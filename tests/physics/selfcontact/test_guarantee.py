@@ -109,7 +109,7 @@ def test_sheets_that_meet_within_a_substep_are_projected_and_not_cut(solver):
 
 def test_cuts_end_where_proofs_do(monkeypatch):
     """The same sheets, without projections: points near the places where they meet are cut, and no others, though cut points
-    leave tubes that lead ahead. With projections again nothing more is, and edges get their lengths back."""
+    leave tubes that lead ahead. With projections again nothing more is, and edges get their lengths back, which swing."""
     with monkeypatch.context() as patch:
         patch.setattr(method, "ROUNDS", 0)
         patch.setattr(method, "LOSS", 1000)
@@ -119,11 +119,11 @@ def test_cuts_end_where_proofs_do(monkeypatch):
             assert crossed(sim) == 0
     told, strained = said(sim), sim.indicators()["max_strain"]
     assert told["cut"] > 0 and told["held"] == 0, told
-    for _ in range(5):
+    for _ in range(12):
         sim.step()
         assert crossed(sim) == 0
     assert said(sim)["cut"] == told["cut"] and said(sim)["held"] == 0
-    assert sim.indicators()["max_strain"] < 0.5 * strained
+    assert sim.indicators()["max_strain"] < 0.2 * strained
 
 
 @pytest.mark.parametrize("turn", [cut.RIGID, cut.HELD])
