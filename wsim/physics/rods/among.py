@@ -116,6 +116,8 @@ class Among:
         if A.settled:
             A.settled.zero_()
             A.past.zero_()
+            if not clock.remembers:                      # surfaces forget what contacts have changed: so do strands
+                self.touching.motion.begun.zero_()
         self.touching.solve(clock.k)
 
     def lend(self) -> None:
