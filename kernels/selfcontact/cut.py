@@ -137,15 +137,14 @@ def cut(real, module):
 def tell(real, module):
     """Kernel: what a substep needed, to the words of the frame, and the words of the next one. moments: sums of the motion
     (kernels/selfcontact/tubes.py)."""
-    Pairs, Sums = pairs.lists(real), pairs.sums(real)
+    Sums = pairs.sums(real)
 
     @wp.func
     def more(said: wp.array(dtype=int), k: int, value: float):
         said[k] = wp.cast(wp.cast(said[k], wp.float32) + value, int)
 
     @wp.kernel(module=module, enable_backward=False)
-    def tell_frame(near: Pairs, moments: wp.array2d(dtype=real), to: Sums, words: wp.array(dtype=int),
-                   said: wp.array(dtype=int)):
+    def tell_frame(moments: wp.array2d(dtype=real), to: Sums, words: wp.array(dtype=int), said: wp.array(dtype=int)):
         more(said, MOVED, float(moments[0, ENERGY]))
         more(said, TAKEN, float(wp.float64(to.taken[0]) / wp.float64(UNIT)))
         to.taken[0] = wp.int64(0)
@@ -153,8 +152,8 @@ def tell(real, module):
         words[pairs.WORST] = 0
         said[RUN] = wp.max(said[RUN], words[pairs.RUN])
         said[RUNNING] = words[pairs.RUN]
-        if near.count[0] > near.capacity:
-            wp.atomic_max(said, WANTED, near.count[0])
+        said[WANTED] = wp.max(said[WANTED], words[pairs.LACKED])
+        words[pairs.LACKED] = 0
         rounds = words[pairs.SWEPT]
         if rounds > 0:
             said[PROJECTED] = said[PROJECTED] + 1

@@ -170,18 +170,23 @@ def sift(real, module):
 @cache
 def listed(real, module):
     """Kernel: a list was made: whether it holds pairs, and how many times so far. begins 1: before a substep, by its
-    prediction: A is 1 until it ends. Where there was no room for candidates, more pairs than there is room for are said to
-    be, and at least as many of them as of those there was room for."""
+    prediction: A is 1 until it ends. A list that there was no room for holds none, since which of its pairs found room depends
+    on the order of threads; words[LACKED] says how many there were, or, where there was no room for candidates, of how many
+    they would be with as many candidates each: nothing in it depends on that order, and the frame is repeated with room."""
     Frames, Pairs = frames(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def list_made(found: pairs.Candidates, begins: int, near: Pairs, f: Frames, words: wp.array(dtype=int)):
         if begins > 0:
             f.frame[1] = wp.transform_identity(dtype=real)
+        wanted = near.count[0]
         if found.count[0] > found.capacity:
             over = float(found.count[0]) / float(found.capacity)
-            more = wp.max(int(over * float(near.count[0])), near.capacity + (found.count[0] - found.capacity) / CANDIDATES)
-            near.count[0] = more + 1
+            more = (found.count[0] - found.capacity) / CANDIDATES
+            wanted = near.capacity + wp.max(int((over - 1.0) * float(near.capacity)), more) + 1
+        if wanted > near.capacity:
+            words[pairs.LACKED] = wp.max(words[pairs.LACKED], wanted)
+            near.count[0] = 0
         words[pairs.SOON] = 0
         words[pairs.AGE] = 0
         words[pairs.NEAR] = wp.min(near.count[0], 1)

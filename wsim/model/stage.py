@@ -138,6 +138,7 @@ class Remedy:
 
     doubt     an edge was thrown by explicit steps: another solver where the scene leaves it open, else the frame holds
     refine    more substeps; `row` of `part` is not finite
+    room      as `grow`, of a list that held nothing for lack of room: nothing else that the frame has said counts
     grow      `act` makes room for what overflowed, and says so in words ("" if nothing was lacking)
     give way  an integrator that needs small residuals goes on as backward Euler; `why` where it is not for a residual
     stop      no other step would do: the frame is given up, the simulation stands where it began, and `why` is said of `row`

@@ -61,6 +61,10 @@ def mend(sim: Simulation) -> bool:
     if not said:
         return False
     kinds = {remedy.kind for remedy in said}
+    if "room" in kinds:                                   # a frame without some of its contacts says nothing else
+        _grow(sim, said, "room")
+        sim.graph = None
+        return True
     if sim.plan.clock.apart and kinds - {"grow"}:
         raise Company(not_finite(sim))
     if "meet" in kinds:                                   # whatever else is wrong may come of that
@@ -77,12 +81,18 @@ def mend(sim: Simulation) -> bool:
     for remedy in said:
         if remedy.kind == "refine":
             _refine(sim, remedy.part, remedy.row)
-    grown = [text for remedy in said if remedy.kind == "grow" and remedy.act and (text := remedy.act())]
-    sim.warnings += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text in grown]
+    grown = _grow(sim, said, "grow")
     if "give way" in kinds and not grown:                 # a residual may come of what there was no room for
         _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
     sim.graph = sim.graph if kinds == {"doubt"} else None
     return bool(kinds - {"doubt"})
+
+
+def _grow(sim: Simulation, said: list[Remedy], kind: str) -> list[str]:
+    """Makes room for what had none; what was lacking, in words."""
+    grown = [text for remedy in said if remedy.kind == kind and remedy.act and (text := remedy.act())]
+    sim.warnings += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text in grown]
+    return grown
 
 
 def not_finite(sim: Simulation) -> set[int]:

@@ -164,7 +164,7 @@ class Touching(Together):
         said = self.status.said(SAID)
         wanted, full = int(said[cut.WANTED]), int(said[FULL])
         if wanted or full:
-            return [*super().retry(), Remedy("grow", lambda: self.grow(wanted, full))]
+            return [*super().retry(), Remedy("room", lambda: self.grow(wanted, full))]
         if said[cut.LOST] > LOSS and not self.often:
             self.often = True
             self.repeats += 1

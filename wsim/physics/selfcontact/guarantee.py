@@ -47,7 +47,7 @@ class Guarantee:
         near = self.near
         if self.pinch:
             self.pinch.tell(said)
-        self.model.launch(self.tell, 1, [near.pairs, near.moments[-1]], [near.sums, near.words, said])
+        self.model.launch(self.tell, 1, [near.moments[-1]], [near.sums, near.words, said])
 
     def anew(self, at, again) -> None:
         """Points left their tubes: a list along the paths that were solved for, in which they are."""

@@ -231,7 +231,7 @@ class SelfContact(Method):
         if self.clock.free:
             return [Remedy("meet")] if self.busy or wanted else []
         if wanted:
-            return [Remedy("grow", lambda: self.grow(wanted))]
+            return [Remedy("room", lambda: self.grow(wanted))]
         if self.fast.shortens(said):
             return [Remedy("grow", lambda: self.fast.shorten(said))]
         if (said[cut.LOST] > LOSS or said[cut.PINCHED]) and not self.often:
