@@ -115,16 +115,24 @@ def meet(real, module):
         ours = about(f, a, b, b)
         root = s.world[a] * 2 * into.leaves
         node = int(1)
+        trail = int(0)
         if own > 0:
-            node = tree.behind(into.leaves + j % into.leaves)
+            node = into.leaves + j % into.leaves
+            trail = tree.later(ours, into, root, node, widest)
+            node, trail = tree.back(node, trail)
+        elif tree.apart(ours, tree.box(into.box, root + 1), widest):
+            return
         while node > 0:
-            if tree.apart(ours, tree.box(into.box, root + node), widest):
-                node = tree.behind(node)
-            elif node < into.leaves:
-                node = 2 * node
+            if node < into.leaves:
+                met = tree.below(ours, into, root, node, widest)
+                if met > 0:
+                    node = 2 * node + wp.where(met == 2, 1, 0)
+                    trail = 2 * trail + wp.where(met == 3, 1, 0)
+                else:
+                    node, trail = tree.back(node, trail)
             else:
                 k = into.item[root / 2 + node - into.leaves]
-                node = tree.behind(node)
+                node, trail = tree.back(node, trail)
                 c = wp.vec3i(0, 0, 0)
                 if kind == closest.POINT:
                     c = s.triangle[k]
