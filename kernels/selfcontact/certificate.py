@@ -63,18 +63,39 @@ def meeting(real):
 
 
 @cache
+def beginning(real):
+    """Function: pair i where a substep begins, with no push; True where it does not meet, by its last normal, along which it is
+    `away` apart and `end` where it is predicted [m]."""
+    Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
+    vec3, written = types(real).vec3, bounds(real)[0]
+
+    @wp.func
+    def apart(s: Surfaces, at: State, i: int, away: real, end: real, near: Pairs):
+        near.least[i] = written(s, at, near.kind[i], near.ids[i])
+        near.past[i] = near.push[i]
+        near.push[i] = vec3()
+        far = wp.min(away, end) > near.keep[i] + s.beta
+        if far:
+            near.away[i] = away
+            near.gap[i] = away
+        return far
+
+    return apart
+
+
+@cache
 def inspect(real, module):
     """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push, and words[FAST] by what is
-    predicted; -1: without that, as the substep is solved; 1, and 2 behind cuts
-    without colliders: `bad` of every pair where it ends, and how many
-    lack a proof in words[BAD]. A pair that began nearer than s, or than any end that was proven leaves it, is let be (2):
-    nothing of it can be proven, and what holds it is its contact. One kernel, since closest points and normals are most of what
-    is compiled."""
+    predicted; -1: without that, as the substep is solved. A pair that its last normal holds further apart than it keeps, and a
+    tube's radius, where it begins and where it is predicted, does not meet: it keeps this normal, and its gap by it. 1, and 2
+    behind cuts without colliders: `bad` of every pair where it ends, and how many lack a proof in words[BAD]. A pair that began
+    nearer than s, or than any end that was proven leaves it, is let be (2): nothing of it can be proven, and what holds it is
+    its contact. One kernel, since closest points and normals are most of what is compiled."""
     vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
-    written, rounding, still, between = bounds(real)
-    meet = meeting(real)
+    _, rounding, still, between = bounds(real)
+    apart, meet = beginning(real), meeting(real)
     weights, least, normal = closest.weights(real), closest.gap(real), closest.normal(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -89,14 +110,13 @@ def inspect(real, module):
         p1 = place(s, at.x, at.e, ids[1], o)
         p2 = place(s, at.x, at.e, ids[2], o)
         p3 = place(s, at.x, at.e, ids[3], o)
-        q1, q2, q3 = p1, p2, p3
         n = near.n[i]
         need, c = real(0.0), real(0.0)
+        move = at.d[o] - at.e[o]
+        q1 = p1 + ((at.d[ids[1]] - at.e[ids[1]]) - move)
+        q2 = p2 + ((at.d[ids[2]] - at.e[ids[2]]) - move)
+        q3 = p3 + ((at.d[ids[3]] - at.e[ids[3]]) - move)
         if ends > 0:
-            move = at.d[o] - at.e[o]
-            q1 = p1 + ((at.d[ids[1]] - at.e[ids[1]]) - move)
-            q2 = p2 + ((at.d[ids[2]] - at.e[ids[2]]) - move)
-            q3 = p3 + ((at.d[ids[3]] - at.e[ids[3]]) - move)
             c = real(2.0) * rounding(s, at, ids, p1, p2, p3)
             need = near.least[i] + c
             near.bad[i] = 0
@@ -106,6 +126,10 @@ def inspect(real, module):
                 return
             if least(kind, n, zero, q1, q2, q3) >= need:
                 return
+        else:
+            if apart(s, at, i, least(kind, n, zero, p1, p2, p3), least(kind, n, zero, q1, q2, q3), near):
+                return
+            q1, q2, q3 = p1, p2, p3
         b = weights(kind, zero, q1, q2, q3)
         m, gap = normal(kind, b, zero, q1, q2, q3)
         if ends <= 0:
@@ -113,9 +137,6 @@ def inspect(real, module):
             near.b[i] = b
             near.away[i] = wp.dot(m, b[1] * q1 + b[2] * q2 + b[3] * q3)
             near.gap[i] = gap
-            near.least[i] = written(s, at, kind, ids)
-            near.past[i] = near.push[i]
-            near.push[i] = zero
             meet(s, at, ends, i, near, words)
             return
         a1, a2, a3 = wp.dot(n, q1) + wp.dot(m, p1), wp.dot(n, q2) + wp.dot(m, p2), wp.dot(n, q3) + wp.dot(m, p3)

@@ -30,10 +30,10 @@ def listing(real):
     weights = closest.weights(real)
 
     @wp.func
-    def distance(kind: int, p1: t.vec3, p2: t.vec3, p3: t.vec3):
-        """Function of a pair whose first point is at 0."""
+    def between(kind: int, p1: t.vec3, p2: t.vec3, p3: t.vec3):
+        """Way between the closest points of a pair whose first point is at 0."""
         b = weights(kind, t.vec3(), p1, p2, p3)
-        return wp.length(b[1] * p1 + b[2] * p2 + b[3] * p3)
+        return b[1] * p1 + b[2] * p2 + b[3] * p3
 
     @wp.func
     def sides(kind: int, a0: real, a1: real, a2: real, a3: real):
@@ -63,10 +63,13 @@ def listing(real):
         p2 = (f.start[j] + half * f.way[j]) - c
         p3 = (f.start[k] + half * f.way[k]) - c
         now = real(0.0)
+        n = t.vec3()
         step = int(0)
         while step < 2:                                   # half way, and at rest: a loop, so that it is compiled once
-            away = distance(kind, p1, p2, p3)
+            way = between(kind, p1, p2, p3)
+            away = wp.length(way)
             if step == 0:
+                n = wp.normalize(way)
                 if away > keep + tubes:
                     return
                 now = away
@@ -87,6 +90,7 @@ def listing(real):
             near.ids[slot] = ids
             near.keep[slot] = keep
             near.bad[slot] = 0
+            near.n[slot] = n
             near.push[slot] = t.vec3()
 
     return append
@@ -115,16 +119,24 @@ def meet(real, module):
         ours = about(f, a, b, b)
         root = s.world[a] * 2 * into.leaves
         node = int(1)
+        trail = int(0)
         if own > 0:
-            node = tree.behind(into.leaves + j % into.leaves)
+            node = into.leaves + j % into.leaves
+            trail = tree.later(ours, into, root, node, widest)
+            node, trail = tree.back(node, trail)
+        elif tree.apart(ours, tree.box(into.box, root + 1), widest):
+            return
         while node > 0:
-            if tree.apart(ours, tree.box(into.box, root + node), widest):
-                node = tree.behind(node)
-            elif node < into.leaves:
-                node = 2 * node
+            if node < into.leaves:
+                met = tree.below(ours, into, root, node, widest)
+                if met > 0:
+                    node = 2 * node + wp.where(met == 2, 1, 0)
+                    trail = 2 * trail + wp.where(met == 3, 1, 0)
+                else:
+                    node, trail = tree.back(node, trail)
             else:
                 k = into.item[root / 2 + node - into.leaves]
-                node = tree.behind(node)
+                node, trail = tree.back(node, trail)
                 c = wp.vec3i(0, 0, 0)
                 if kind == closest.POINT:
                     c = s.triangle[k]

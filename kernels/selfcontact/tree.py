@@ -5,9 +5,10 @@ corners go linearly. Only differences of motions enter, so that what goes along 
 at, which boxes about whole ways do not.
 
 Nodes are numbered as those of a heap: 1 is the root, 2 i and 2 i + 1 are below node i, and leaves, as many as a power of two,
-stand in the order of a curve that keeps what is near together (wsim/physics/selfcontact/tree.py). A walk needs no stack:
-behind node i and what is below it comes i + 1 without the twos in it, the highest node that begins there; where that is 1 it
-ends. Each world has a tree of its own, 2 leaves nodes further on; empty leaves have boxes that meet none.
+stand in the order of a curve that keeps what is near together (wsim/physics/selfcontact/tree.py). A walk looks at the two nodes
+below one at once, whose boxes lie side by side, and needs no stack: bit k of its trail says that the node behind the one k
+levels up is met, too, and is to be seen (Laine 2010, Restart trail for stackless BVH traversal, keeps one bit a level alike).
+Each world has a tree of its own, 2 leaves nodes further on; empty leaves have boxes that meet none.
 """
 
 from functools import cache
@@ -47,17 +48,6 @@ def box(of: wp.array(dtype=Box), i: int) -> Box:
 
 
 @wp.func
-def behind(node: int):
-    """Node that a walk comes to behind one and all below it; 0: none."""
-    more = node + 1
-    while more % 2 == 0:
-        more = more / 2
-    if more == 1:
-        more = 0
-    return more
-
-
-@wp.func
 def apart(a: Box, b: Box, room: float):
     """True if boxes stay more than `room` apart [m]."""
     found = bool(False)
@@ -67,6 +57,44 @@ def apart(a: Box, b: Box, room: float):
         if b[0, k] - a[1, k] > room and b[2, k] - a[3, k] > room:
             found = True
     return found
+
+
+@wp.func
+def below(ours: Box, into: Tree, root: int, node: int, room: float):
+    """Which of the two nodes below one are met: 1 the first, 2 the second, 3 both."""
+    met = int(0)
+    if not apart(ours, box(into.box, root + 2 * node), room):
+        met = 1
+    if not apart(ours, box(into.box, root + 2 * node + 1), room):
+        met += 2
+    return met
+
+
+@wp.func
+def later(ours: Box, into: Tree, root: int, leaf: int, room: float):
+    """The trail of a walk that is to see what stands behind a leaf."""
+    trail = int(0)
+    bit = int(1)
+    node = leaf
+    while node > 1:
+        if node % 2 == 0 and not apart(ours, box(into.box, root + node + 1), room):
+            trail += bit
+        bit *= 2
+        node = node / 2
+    return trail
+
+
+@wp.func
+def back(node: int, trail: int):
+    """(node, trail) that a walk goes on with behind a node and all below it; node 0: it ends."""
+    if trail == 0:
+        return 0, 0
+    here = node
+    left = trail
+    while left % 2 == 0:
+        here = here / 2
+        left = left / 2
+    return here + 1, left - 1
 
 
 @wp.func

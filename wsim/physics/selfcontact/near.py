@@ -155,9 +155,9 @@ class Near:
 
     def told(self) -> dict[str, float]:
         """near_pairs: of surfaces, in the last list; contacts: those that push; touching: their points; thin: part of them
-        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began; flicker: part of what is
-        pushed with, in that substep and the one before, that is of pairs which push in one of them only: none at rest (where
-        the list was made between them nothing is known of it)."""
+        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began (of what does not meet a
+        bound below it); flicker: part of what is pushed with, in that substep and the one before, that is of pairs which push
+        in one of them only: none at rest (where the list was made between them nothing is known of it)."""
         near = self.pairs
         count = min(int(near.count.numpy()[0]), near.capacity)
         push, past = (np.linalg.norm(a.numpy()[:count].astype(np.float64), axis=1) for a in (near.push, near.past))
