@@ -87,10 +87,11 @@ def beginning(real):
 def inspect(real, module):
     """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push, and words[FAST] by what is
     predicted; -1: without that, as the substep is solved. A pair that its last normal holds further apart than it keeps, and a
-    tube's radius, where it begins and where it is predicted, does not meet: it keeps this normal, and its gap by it. 1, and 2
-    behind cuts without colliders: `bad` of every pair where it ends, and how many lack a proof in words[BAD]. A pair that began
-    nearer than s, or than any end that was proven leaves it, is let be (2): nothing of it can be proven, and what holds it is
-    its contact. One kernel, since closest points and normals are most of what is compiled."""
+    tube's radius, where it begins and where it is predicted, does not meet: it keeps this normal, and its gap by it, and has
+    no weights. -2: as -1, but all pairs have theirs. 1, and 2 behind cuts without colliders: `bad` of every pair where it ends,
+    and how many lack a proof in words[BAD]. A pair that began nearer than s, or than any end that was proven leaves it, is let
+    be (2): nothing of it can be proven, and what holds it is its contact. One kernel, since closest points and normals are most
+    of what is compiled."""
     vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)
@@ -127,7 +128,8 @@ def inspect(real, module):
             if least(kind, n, zero, q1, q2, q3) >= need:
                 return
         else:
-            if apart(s, at, i, least(kind, n, zero, p1, p2, p3), least(kind, n, zero, q1, q2, q3), near):
+            far = apart(s, at, i, least(kind, n, zero, p1, p2, p3), least(kind, n, zero, q1, q2, q3), near)
+            if far and ends > -2:
                 return
             q1, q2, q3 = p1, p2, p3
         b = weights(kind, zero, q1, q2, q3)

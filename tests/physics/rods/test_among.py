@@ -185,6 +185,25 @@ def test_results_are_the_same_from_run_to_run_and_in_worlds():
     assert all(np.array_equal(found[0], each) for each in found[1:])
 
 
+@pytest.mark.parametrize("solver", solvers("newton bdf2"))
+def test_nothing_is_read_of_a_pair_that_was_not_looked_at(solver):
+    """What lists of pairs held before, here no numbers, changes no bit: of the rope's own, and of those with the cloth."""
+    found = []
+    for fill in (0.0, np.nan):
+        sim = Simulation(thrown(1, 6.0, **solver), device="cpu")
+        rods, meeting = sim.plan.method("rods"), sim.plan.method("selfcontact")
+        meeting.near.room(20000)
+        meeting.settle.room()
+        for near in (rods.touching.near, meeting.near):
+            for name in ("n", "b", "away", "gap", "least", "push", "past", "keep"):
+                array = getattr(near.pairs, name)
+                array.assign(np.full_like(array.numpy(), fill))
+        sim.run(3)
+        assert not any("was room for" in text for text in sim.warnings)
+        found.append(np.concatenate([rods.points(0)[0], sim.positions("/cloth")]))
+    assert np.array_equal(*found) and np.isfinite(found[0]).all()
+
+
 def test_bdf2_that_gives_way_keeps_momentum_as_well():
     """A stiff cloth whose sides shear apart, by one Newton step of 1/600 s: the residual is missed where the rope has met it,
     and both forget what the contact has changed of their velocities."""

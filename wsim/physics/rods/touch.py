@@ -36,7 +36,7 @@ class Touching(Together):
         status.reserve(SAID, cut.SAID + 1)
         self.edges = Edges(self.table, self.ground)
         self.near = Near(cast(Any, self.ground), cast(Any, self.edges))
-        self.guarantee = Guarantee(cast(Any, self.ground), self.near)
+        self.guarantee = Guarantee(cast(Any, self.ground), self.near, whole=True)
         self.enlist, self.order, self.recall = touch.lists(module)
         self.ready, self.press, self.gather = touch.ready(module), touch.press(module), touch.gather(module)
         self.across, self.keep = touch.across(module), touch.keep(module)

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 
 class Guarantee:
-    def __init__(self, model: Model, near: Near):
+    def __init__(self, model: Model, near: Near, whole: bool = False):
+        """whole: normals and weights of all pairs are read where a substep begins, not of those that meet alone."""
         real, module = model.real, model.module
-        self.model, self.near, self.surfaces = model, near, near.surfaces
+        self.model, self.near, self.surfaces, self.whole = model, near, near.surfaces, whole
         self.inspect, self.share = certificate.inspect(real, module), certificate.share(real, module)
         self.project, self.proceed = certificate.project(real, module), certificate.proceed(module)
         self.add = pairs.settle_sums(real, module)
@@ -62,7 +63,8 @@ class Guarantee:
     def begin(self, at, solved: bool = False) -> None:
         """Looks at pairs where the substep begins. solved: `at` holds where it ends, not what is predicted."""
         self.near.pairs.rows.zero_()
-        self.each(self.inspect, [self.surfaces.data, at, -int(solved)], [self.near.pairs, self.near.words])
+        ends = -2 if self.whole else -int(solved)
+        self.each(self.inspect, [self.surfaces.data, at, ends], [self.near.pairs, self.near.words])
 
     def certify(self, at, ends: int = 1) -> None:
         """Looks for a proof of every pair. ends: 2 behind cuts, where no collider takes part."""
