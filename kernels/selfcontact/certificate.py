@@ -128,8 +128,7 @@ def inspect(real, module):
             if least(kind, n, zero, q1, q2, q3) >= need:
                 return
         else:
-            far = apart(s, at, i, least(kind, n, zero, p1, p2, p3), least(kind, n, zero, q1, q2, q3), near)
-            if far and ends > -2:
+            if apart(s, at, i, least(kind, n, zero, p1, p2, p3), least(kind, n, zero, q1, q2, q3), near) and ends > -2:
                 return
             q1, q2, q3 = p1, p2, p3
         b = weights(kind, zero, q1, q2, q3)
