@@ -61,7 +61,8 @@ class Guarantee:
 
     def begin(self, at, solved: bool = False) -> None:
         """Looks at pairs where the substep begins. solved: `at` holds where it ends, not what is predicted."""
-        self.near.pairs.rows.zero_()
+        if not solved:
+            self.near.pairs.rows.zero_()
         self.each(self.inspect, [self.surfaces.data, at, -int(solved)], [self.near.pairs, self.near.words])
 
     def certify(self, at, ends: int = 1) -> None:
