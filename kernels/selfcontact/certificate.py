@@ -33,12 +33,14 @@ LISTS = 16             # of a substep, from which on points that projections lea
 @cache
 def meeting(real):
     """Function: lists pair i among those that may come as near as they keep, by where its points are and where they are
-    predicted, and a tube's radius. ends 0: words[FAST], by how much nearer that is."""
+    predicted, and a tube's radius; words[FAST], by how much nearer that is. ends -1: none, where the substep is solved."""
     t = types(real)
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
 
     @wp.func
     def meet(s: Surfaces, at: State, ends: int, i: int, near: Pairs, words: wp.array(dtype=int)):
+        if ends < 0:
+            return
         ids = near.ids[i]
         b = near.b[i]
         n = near.n[i]
@@ -49,6 +51,8 @@ def meeting(real):
             end += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
         if wp.min(away, end) < keep + s.beta:
             j = wp.atomic_add(near.rows, 0, 1)
+            if j == 0:
+                words[pairs.BEHIND] = words[pairs.EPOCH] + 1
             near.row[j] = i
             near.four[j] = ids
             near.swept[4 * j + pairs.B] = b
@@ -56,7 +60,7 @@ def meeting(real):
             near.swept[4 * j + pairs.PUSH] = t.vec4(real(0.0), real(0.0), real(0.0), keep)
             near.swept[4 * j + pairs.PRIOR] = t.vec4()
         fast = real(100.0 * LONG) * (away - end) / s.longest
-        if ends == 0 and end < keep and fast > real(100.0):
+        if end < keep and fast > real(100.0):
             wp.atomic_max(words, pairs.FAST, int(wp.min(fast, real(1.0e9))))
 
     return meet
@@ -85,10 +89,11 @@ def beginning(real):
 
 @cache
 def inspect(real, module):
-    """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push, and words[FAST] by what is
-    predicted; -1: without that, as the substep is solved. A pair that its last normal holds further apart than it keeps, and a
-    tube's radius, where it begins and where it is predicted, does not meet: it keeps this normal, and its gap by it, and has
-    no weights. -2: as -1, but all pairs have theirs. 1, and 2 behind cuts without colliders: `bad` of every pair where it ends,
+    """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push, rows, and words[FAST] by
+    what is predicted; -1: without rows and that word, as the substep is solved: rows say what pushed in it. A pair that its
+    last normal holds further apart than it keeps, and a tube's radius, where it begins and where it is predicted, does not
+    meet: it keeps this normal, and its gap by it, and has no weights. -2: as -1, but all pairs have theirs. 1, and 2 behind
+    cuts without colliders: `bad` of every pair where it ends,
     and how many lack a proof in words[BAD]. A pair that began nearer than s, or than any end that was proven leaves it, is let
     be (2): nothing of it can be proven, and what holds it is its contact. One kernel, since closest points and normals are most
     of what is compiled."""

@@ -24,7 +24,7 @@ import numpy as np
 from wsim.model.model import Model, edge_lengths, hard_places
 from wsim.physics.cloth.constraints import of_body
 from wsim.physics.motion.stability import needed
-from wsim.scene import Problem, Scene, SceneError
+from wsim.scene import Scene
 from wsim.scene.integrator import TABLE, Integrator
 from wsim.scene.methods import carried, collides, touches
 from wsim.simulation import cost
@@ -59,6 +59,8 @@ class Choice:
     error: float | None = None               # predicted, over the scene's size: `wsim.simulation.predicted.errors`
     omega: float = 0.0                       # highest frequency [rad/s] of Newton steps of sheets, where it is known
     slowed: bool = False                     # leapfrog of as many substeps as mass for slivers leaves
+    bears: float = inf                       # stretch of an edge up to which explicit steps that are named are stable, and
+    least: int = 0                           # substeps that bear any: `stability.bears`
 
     @property
     def steps(self) -> int:
@@ -148,7 +150,7 @@ def _soft(model: Model, method: Integrator | None) -> Choice:
 
 def _explicit(model: Model, method: Integrator | None) -> Choice:
     from wsim.physics.motion import frequency
-    from wsim.physics.motion.stability import limit
+    from wsim.physics.motion.stability import bears
     scene = model.scene
     omega, c = frequency.bound(model)
     chosen = method or TABLE["leapfrog"]
@@ -156,15 +158,12 @@ def _explicit(model: Model, method: Integrator | None) -> Choice:
     if method is None:
         return Choice("explicit", chosen, max(least, scene.substeps), 1,
                       f"the scene names explicit; {least} substeps keep {omega:.4g} rad/s stable")
-    if scene.substeps < least:
-        estimate = frequency.estimate(model)             # the bound is cautious: refuse what is certain to grow
-        step, h = limit(method, estimate, c * (estimate / omega)**2 if omega else c), 1.0 / scene.fps / scene.substeps
-        if h > step:
-            raise SceneError(Problem("/", f"integrator {method.name} is stable for {method.stable}: steps up to "
-                                     f"{step:.3g} s here (highest "
-                                     f"frequency {estimate:.4g} rad/s), found {h:.3g} s; give --substeps {least} "
-                                     f"({1.0 / scene.fps / least:.3g} s), or another integrator"))
-    return _named(scene, "explicit", method, f"the scene names {method.name}")
+    found = _named(scene, "explicit", method, f"the scene names {method.name}")
+    if scene.substeps >= least:
+        return found
+    estimate = frequency.estimate(model)                 # the bound is cautious: refuse what is certain to grow
+    rate = c * (estimate / omega)**2 if omega else c
+    return replace(found, bears=bears(scene, method, estimate, rate, least), least=least)
 
 
 def _auto(model: Model) -> Choice:

@@ -5,12 +5,25 @@ stiffnesses of at most r k it is at most r K, and the steps that are stable then
 without it omega with its root), are stable now. Where the frame has that many substeps already, nothing is bounded anew: a
 parameter that is moved to and fro costs a scene's bound (14 ms of 1000 points) where it is set first, and where it is more than
 ever before.
+
+Steps that a scene names between the limit at rest and the bound bear as much tension as is left of that limit
+(`wsim.physics.motion.stability.bears`); the frame in which an edge is longer is repeated with as many as the bound asks for.
+They would grow, twofold in many frames, and then by 1e7 in one.
 """
 
+from __future__ import annotations
+
 from math import ceil
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from wsim.model.stage import STRETCHED
+from wsim.physics.motion.overstretch import MOST
+from wsim.simulation.measure.exceeded import CAP
+
+if TYPE_CHECKING:
+    from wsim.simulation.simulation import Simulation
 
 SCALED = ("stretch", "shear", "bend", "stiffness", "young")      # K is linear in each, the others as they are
 
@@ -51,3 +64,20 @@ class Headroom:
     def _ratio(now: np.ndarray, then: np.ndarray) -> float:
         with np.errstate(divide="ignore", invalid="ignore"):
             return float(np.nan_to_num(now / then, nan=1.0, posinf=np.inf).max())
+
+
+def shorten(sim: Simulation) -> bool:
+    """Takes the substeps of the bound from here on, as at a start, where steps are not that short and an edge is longer than
+    they bear. False where they are, or bear twice its length."""
+    plan, clock = sim.plan, sim.plan.clock
+    choice = plan.choice
+    percent = plan.status.said(STRETCHED)
+    if choice.bears >= MOST or clock.substeps >= choice.least or not percent.any():
+        return False
+    body, longest = sim.model.bodies[int(percent.argmax())], max(min(percent.max(), CAP) / 100.0, choice.bears)
+    sim.warnings.append(f"frame {sim.frame + 1}: an edge of {body.path} is {longest:.3g} times as long as at rest, and tension "
+                        f"makes it stiffer: {clock.substeps} substeps of {plan.integrator} are sure to be stable up to "
+                        f"{choice.bears:.3g} times; repeated with {choice.least}, which stay; give --substeps {choice.least}")
+    clock.substeps, clock.starting, sim.graph = choice.least, True, None
+    plan.find("edges").most = MOST
+    return True

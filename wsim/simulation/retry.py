@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -76,7 +77,7 @@ def mend(sim: Simulation) -> bool:
             _stop(sim, remedy)
     if "refine" in kinds and _lost(sim):
         return True
-    if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and _switch(sim):
+    if sim.plan.choice.solver == "explicit" and kinds & {"doubt", "refine"} and (_switch(sim) or _shorten(sim)):
         return True
     for remedy in said:
         if remedy.kind == "refine":
@@ -257,6 +258,14 @@ def keep_stable(sim: Simulation, name: str, thing=None, path: str = "", value=No
         sim.warnings.append(f"frame {sim.frame + 1}: {name} was set; {sim.plan.integrator} now takes {least} substeps instead "
                             f"of {clock.substeps}{about}")
         clock.substeps, clock.starting, sim.graph = least, True, None
+
+
+def _shorten(sim: Simulation) -> bool:
+    """`wsim.simulation.headroom.shorten`, where steps that a scene names may be too long."""
+    if sim.plan.choice.bears == inf:
+        return False
+    from wsim.simulation.headroom import shorten
+    return shorten(sim)
 
 
 def refused(error: Exception, device) -> SceneError:

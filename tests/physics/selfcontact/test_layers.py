@@ -1,10 +1,11 @@
-"""Fifty layers a millimetre apart that fly at 20 m/s and turn at 20 rad/s: they go as if nothing were near them."""
+"""Layers that fly: fifty a millimetre apart go as if nothing were near them; two that meet push, and are said to."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.conftest import first_and_slow
 from tests.physics.selfcontact.rig import THIN, crossed, layers, run, said, solvers
 from tests.physics.selfcontact.test_momentum import moments
 
@@ -39,3 +40,22 @@ def test_fifty_layers_that_are_thrown_and_turn_keep_their_path_and_their_turn(so
     assert sim.plan.integrator == solver["integrator"]
     assert told["near_pairs"] > 1000 and told["contacts"] == told["projected"] == told["cut"] == told["held"] == 0
     assert searches[-1] - searches[0] <= (FRAMES - 1) / 5 and crossed(sim) == 0
+
+
+@pytest.mark.parametrize("solver", first_and_slow(solvers("xpbd", "newton bdf2", "newton")))
+def test_layers_that_change_their_momentum_are_said_to_touch(solver):
+    """Two layers meet by 1.3 edges in a substep, one a frame: what moves the centre of one is the other. The list is made anew
+    behind the sweeps that stop them, and the new one has no push."""
+    scene = layers(2, 8, 0.02, **(solver | dict(fps=600.0, substeps=1)))
+    for cloth, speed in zip(scene.cloths, (8.0, -8.0), strict=True):
+        cloth.velocities[:, 1] = speed
+    sim = run(scene)
+    v, anew, searches = sim.velocities("/layer0").mean(axis=0), 0, 0.0
+    for _ in range(4):
+        sim.step()
+        now, told = sim.velocities("/layer0").mean(axis=0), said(sim)
+        if np.linalg.norm(now - v) > 0.1:
+            assert told["contacts"] >= 64 and told["touching"] == 128
+            anew += told["searches"] - searches > 1
+        v, searches = now, told["searches"]
+    assert abs(v[1]) < 0.5 and told["contacts"] == told["touching"] == 0 < anew

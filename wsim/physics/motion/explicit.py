@@ -28,7 +28,7 @@ from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints, changed
 from wsim.physics.motion import frequency
 from wsim.physics.motion.forces import ForceGather
-from wsim.physics.motion.overstretch import Watch
+from wsim.physics.motion.overstretch import Watch, watched
 from wsim.scene.integrator import Integrator
 
 if TYPE_CHECKING:
@@ -36,8 +36,9 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Explicit:
-    return Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.taken or b.within,
-                    b.methods.find("hard pins"), b.free and bool(b.taken or not b.others_within) or b.alone)
+    found = Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.taken or b.within,
+                     b.methods.find("hard pins"), b.free and bool(b.taken or not b.others_within) or b.alone)
+    return watched(found, b.choice.bears)
 
 
 class Explicit(Method):

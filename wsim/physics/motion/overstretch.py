@@ -19,12 +19,14 @@ from wsim.model.stage import LONG, STRETCHED, THROWN, Clock, Method, Remedy, Sta
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import AT_REST
+from wsim.physics.motion.stability import STRETCH
 
 if TYPE_CHECKING:
+    from wsim.physics.motion.explicit import Explicit
     from wsim.simulation.methods import Build
 
 
-MOST = 2.0             # length over rest length from which an edge is suspect, as kernels/motion/march_cpu.py has it
+MOST = STRETCH         # length over rest length from which an edge is suspect, as kernels/motion/march_cpu.py has it
 
 
 def build(b: Build) -> Watch | None:
@@ -32,6 +34,17 @@ def build(b: Build) -> Watch | None:
     if b.choice.integrator.beyond and any(r.hard for r in b.model.constraints):
         watch.thrown_by = b.clock
     return watch if watch.stages else None
+
+
+def watched(explicit: Explicit, bears: float) -> Explicit:
+    """The method, of which edges are looked at from what its steps bear (`wsim.physics.motion.stability.bears`)."""
+    if bears < MOST:
+        if explicit.watch is None:
+            explicit.watch = Watch(explicit.model, explicit.state, explicit.status, explicit=True)
+            explicit.stages += explicit.watch.stages
+        explicit.watch.most = bears
+        explicit.offers["edges"] = explicit.watch
+    return explicit
 
 
 class Watch(Method):
@@ -42,6 +55,7 @@ class Watch(Method):
         super().__init__("watch")
         self.model, self.state, self.status, self.own = model, state, status, THROWN if explicit else LONG
         self.thrown_by: Clock | None = None            # of a midpoint whose middle is projected
+        self.most = MOST
         self.factor = lambda body: 1.0
         self.offers = {"watch": self}
         self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies]
@@ -80,5 +94,5 @@ class Watch(Method):
     def look(self, clock: Clock) -> None:
         if len(self.rest):
             self.model.launch(self.stretched, len(self.rest),
-                              [self.edges, self.rest, MOST, self.first, self.state.x, self.status.offset(self.own),
+                              [self.edges, self.rest, self.most, self.first, self.state.x, self.status.offset(self.own),
                                self.status.offset(STRETCHED)], [self.status.array])

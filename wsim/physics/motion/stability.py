@@ -2,6 +2,9 @@
 
     mode    x'' = -omega^2 x - c x';  stable at h: no amplitude grows by more than exp(rate h) a step
     bound   of the highest frequency: row sums of M^-1 K (Gershgorin 1931), see `wsim.physics.motion.frequency`
+    tension a force k (l - l0) along an edge has the slope k along it, and k (1 - l0 / l) across. Where no edge is longer than s
+            times its rest length, of a net that is alike in its directions, omega^2 <= (2 - 1 / s) omega_0^2, omega_0 that at
+            rest. The bound sums the norms of both parts, and holds for every s.
 """
 
 from functools import cache
@@ -9,11 +12,13 @@ from math import ceil
 
 import numpy as np
 
-from wsim.scene import Scene
+from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.integrator import Integrator
 
 RATIO = 1.1            # of steps that are tried, over fastest of frequency and decay rate
 GRID = RATIO ** np.arange(-290, 73)      # 1e-12 to 1e3
+STRETCH = 2.0          # longer edges than this are suspect by any steps (`wsim.physics.motion.overstretch`)
+PLACES = 12            # of the bisection for s: to 2.5e-4
 MARGIN = 1.02          # substeps over the limit's: the frequency is that of the rest shape, and `limit` is good to 0.1 %
 
 
@@ -72,3 +77,25 @@ def limit(method: Integrator, omega: float, c: float = 0.0, rate: float = 1.0) -
 def needed(scene: Scene, method: Integrator, omega: float, c: float) -> int:
     """Substeps a frame that keep an explicit method stable."""
     return max(1, ceil(MARGIN / (scene.fps * limit(method, omega, c))))
+
+
+def bears(scene: Scene, method: Integrator, omega: float, c: float, least: int) -> float:
+    """Stretch of an edge, 1 to STRETCH, up to which the scene's steps are stable: between the limit at rest and that of the
+    bound, they grow where tension is more. omega [rad/s], c [1/s]: the highest at rest, and the rate that goes with it; least:
+    substeps of the bound. Raises SceneError where they are certain to grow at rest."""
+    h = 1.0 / scene.fps / scene.substeps
+    if h > (step := limit(method, omega, c)):
+        raise SceneError(Problem("/", f"integrator {method.name} is stable for {method.stable}: steps up to {step:.3g} s here "
+                                 f"(highest frequency {omega:.4g} rad/s), found {h:.3g} s; give --substeps {least} "
+                                 f"({1.0 / scene.fps / least:.3g} s), or another integrator"))
+
+    def borne(s: float) -> bool:
+        more = 2.0 - 1.0 / s
+        return MARGIN * h <= limit(method, more**0.5 * omega, more * c)
+    low, high = 1.0, STRETCH
+    if borne(high):
+        return high
+    for _ in range(PLACES):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if borne(middle) else (low, middle)
+    return low

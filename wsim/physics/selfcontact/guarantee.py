@@ -62,7 +62,8 @@ class Guarantee:
 
     def begin(self, at, solved: bool = False) -> None:
         """Looks at pairs where the substep begins. solved: `at` holds where it ends, not what is predicted."""
-        self.near.pairs.rows.zero_()
+        if not solved:
+            self.near.pairs.rows.zero_()
         ends = -2 if self.whole else -int(solved)
         self.each(self.inspect, [self.surfaces.data, at, ends], [self.near.pairs, self.near.words])
 

@@ -287,5 +287,5 @@ class SelfContact(Method):
         total = {name: float(self.total[k]) for name, k in (("searches", cut.SEARCHES), ("projected", cut.PROJECTED),
                                                             ("cut", cut.CUT), ("held", cut.STAYED),
                                                             *[("pinched", cut.PINCHED)][:bool(self.obstacles)])}
-        return {**self.near.told(), **total, "repeated": float(self.repeats),
+        return {**self.near.told(self.clock.free), **total, "repeated": float(self.repeats),
                 "cut_energy": self.taken / self.swept if self.swept else 0.0, "cut_run": float(self.run)}

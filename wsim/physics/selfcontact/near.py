@@ -153,22 +153,34 @@ class Near:
         """Looks whether points are in their tubes where the substep ends."""
         self.model.launch(self.watch, len(self.surfaces.points), [self.surfaces.data, at, self.frames], [self.words])
 
-    def told(self) -> dict[str, float]:
+    def pushing(self, free: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Rows that push in the last substep, (rows, 4, 4) by pairs.B ..., and their points, (rows, 4): those of its sweeps,
+        since a list that was made behind them has no push yet."""
+        near, words = self.pairs, self.words.numpy()
+        count = int(near.rows.numpy()[0]) if words[pairs.BEHIND] == words[pairs.EPOCH] and not free else 0
+        if not count:
+            return np.zeros((0, 4, 4)), np.zeros((0, 4), int)
+        swept = near.swept[:4 * count].numpy().reshape(-1, 4, 4)
+        touch = swept[:, pairs.PUSH, :3].any(axis=1)
+        return swept[touch], near.four[:count].numpy()[touch]
+
+    def told(self, free: bool) -> dict[str, float]:
         """near_pairs: of surfaces, in the last list; contacts: those that push; touching: their points; thin: part of them
         that is nearer than half of what they keep; least_gap [m] of all, where the last substep began (of what does not meet a
         bound below it); flicker: part of what is pushed with, in that substep and the one before, that is of pairs which push
-        in one of them only: none at rest (where the list was made between them nothing is known of it)."""
+        in one of them only: none at rest (where the list was made between them nothing is known of it). free: nothing was near
+        in the last frame."""
         near = self.pairs
-        count = min(int(near.count.numpy()[0]), near.capacity)
-        push, past = (np.linalg.norm(a.numpy()[:count].astype(np.float64), axis=1) for a in (near.push, near.past))
-        touch = np.flatnonzero(push)
-        points = np.unique(near.ids.numpy()[touch][near.b.numpy()[touch] != 0.0])
-        thin = near.away.numpy()[touch] < 0.5 * near.keep.numpy()[touch]
+        count = 0 if free else min(int(near.count.numpy()[0]), near.capacity)
+        touch, ids = self.pushing(free)
+        points = np.unique(ids[touch[:, pairs.B] != 0.0])
+        thin = touch[:, pairs.NORMAL, 3] < 0.5 * touch[:, pairs.PUSH, 3]
         found = {"near_pairs": float(count), "contacts": float(len(touch)), "touching": float(len(points)),
                  "thin": float(thin.mean()) if len(touch) else 0.0}
         if count:
             found["least_gap"] = float(near.gap.numpy()[:count].min())
-        if self.word(pairs.AGE).numpy()[0] > 1:
+        if count and self.word(pairs.AGE).numpy()[0] > 1:
+            push, past = (np.linalg.norm(a.numpy()[:count].astype(np.float64), axis=1) for a in (near.push, near.past))
             whole, once = push + past, (push > 0.0) != (past > 0.0)
             found["flicker"] = float(whole[once].sum() / whole.sum()) if whole.any() else 0.0
         return found
