@@ -23,7 +23,8 @@ has no contact in any substep: it is the same to the bit with contacts and witho
 substep, |d| <= C for displacements d since the frame began is enough for no contact to push (kernels/motion/explicit.py,
 march_cpu.py and cluster.py see to it at every substep).
 
-|R_a - R_b| is twice the length of the vector part of the quaternion that leads from one to the other.
+s, S, w, W, or more, come with the frame (wsim/physics/contact/poses/outline.py): no pose of a substep is looked at here. A mesh
+that deforms is the ball that all of its shapes are in.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -44,13 +45,7 @@ FREE = 1.0e30          # [m] of a point that has no contacts
 SLACK = 1.0e-5         # of distances, that clearances are smaller by: what poses and shapes a kilometre away are rounded by
 NEAR = 4               # bit of a point's mark: where the frame ended it was so near that the next one has contacts
 SOON = 8               # bit of a point's mark: the same, where the frame itself had none
-MOST = """
-#if defined(__CUDA_ARCH__)
-    for (int o = 16; o > 0; o >>= 1)
-        for (int k = 0; k < 4; ++k) a[k] = wp::max(a[k], __shfl_xor_sync(0xffffffffu, a[k], o));
-#endif
-    return a;
-"""
+WIDTH = 9              # numbers of a row of `Movements.now`
 
 
 @cache
@@ -61,59 +56,11 @@ def movements(real):
     @wp.struct
     class Movements:
         ball: wp.array(dtype=t.vec4)         # centre in the collider's frame, radius [m]; < 0: it has none, (rows,)
-        loss: wp.array(dtype=t.vec2)         # of D: constant [m], and times |x0 - c_0|, (rows,)
+        mesh: wp.array(dtype=wp.uint64)      # a mesh that keeps its shape, 0: another, (rows,)
+        now: wp.array(dtype=real)            # T_0 (7), and what D loses: constant [m], and times |x0 - c_0|, (rows * WIDTH,)
         ahead: real                          # time for which clearances should last [s]
 
     return Movements
-
-
-@cache
-def most(real):
-    """Function: the greatest of each component among the threads of a warp; on a CPU, of the one that a row has there."""
-    vec4 = types(real).vec4
-
-    @wp.func_native(MOST)
-    def most(a: vec4) -> vec4: ...
-
-    return most
-
-
-@cache
-def sweeps(real, module, lanes: int):
-    """Kernel over the lanes of rows, 32 on a GPU and 1 on a CPU, which share the substeps: what D loses in a frame,
-    S L + s + 2 V + gap and what is rounded."""
-    t, Rows, Movements, greatest = types(real), tables(real)[0], movements(real), most(real)
-
-    @wp.func
-    def turn(a: t.transform, b: t.transform):
-        q = wp.transform_get_rotation(b) * wp.quat_inverse(wp.transform_get_rotation(a))
-        return real(2.0) * wp.length(t.vec3(q[0], q[1], q[2]))
-
-    def sweeps(c: Rows, m: Movements, loss_out: wp.array(dtype=t.vec2)):
-        row = wp.tid() // lanes
-        ball = m.ball[row]
-        center = t.vec3(ball[0], ball[1], ball[2])
-        T0 = c.pose[0, row]
-        c0 = wp.transform_point(T0, center)
-        way = t.vec4()                                                     # s, S, w, W
-        for k in range(1 + wp.tid() % lanes, c.pose.shape[0], lanes):
-            before = c.pose[k - 1, row]
-            T1 = c.pose[k, row]
-            c1 = wp.transform_point(T1, center)
-            way = wp.max(way, t.vec4(wp.length(c1 - c0), turn(T0, T1), wp.length(c1 - wp.transform_point(before, center)),
-                                     turn(before, T1)))
-        if wp.static(lanes > 1):
-            way = greatest(way)
-        lever = ball[3]
-        slope = real(4.0) * way[3] + real(SLACK)
-        if lever < real(0.0):
-            lever = way[0]
-            slope += real(2.0) * way[1]
-        moved = way[0] + way[1] * lever + real(2.0) * (way[2] + way[3] * way[0])
-        if wp.tid() % lanes == 0:
-            loss_out[row] = t.vec2(moved + c.gap[row] + real(SLACK) * (wp.length(c0) + wp.abs(ball[3])), slope)
-
-    return wp.kernel(sweeps, name=f"sweeps_{t.name}", module=module, enable_backward=False)
 
 
 @cache
@@ -129,7 +76,6 @@ def away(kinds: tuple[str, ...], real):
     def away(c: Rows, m: Movements, row: int, T0: t.transform, deep: int, x: t.vec3):
         kind = c.kind[row]
         ball = m.ball[row]
-        loss = m.loss[row]
         q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - wp.transform_get_translation(T0))
         apart = q - t.vec3(ball[0], ball[1], ball[2])
         D = real(-FREE)
@@ -139,14 +85,14 @@ def away(kinds: tuple[str, ...], real):
         if meshed:
             if kind >= SOLID:
                 D = wp.length(apart) - ball[3]
-                if D < ball[3]:                               # the surface itself: a mesh is rarely as its ball
+                if D < ball[3] and m.mesh[row] != wp.uint64(0):            # the surface itself: a mesh is rarely as its ball
                     far = float(real(3.0) * ball[3])
-                    face, sign = nearest(kind, c.mesh[row], wp.vec3f(q), far, deep, far)
+                    face, sign = nearest(kind, m.mesh[row], wp.vec3f(q), far, deep, far)
                     if face >= 0:
-                        dist, _p = face_away(c.mesh[row], face, wp.vec3f(q))
+                        dist, _p = face_away(m.mesh[row], face, wp.vec3f(q))
                         D = wp.max(D, real(sign * dist))
         most = wp.abs(apart[0]) + wp.abs(apart[1]) + wp.abs(apart[2])      # no less than its length, and no root
-        return wp.min(D, most) - (loss[0] + loss[1] * most)
+        return wp.min(D, most) - (m.now[WIDTH * row + 7] + m.now[WIDTH * row + 8] * most)
 
     return away
 
@@ -167,9 +113,12 @@ def clearance(kinds: tuple[str, ...], real, module):
         if points.w[i] > real(0.0):
             o = points.object[i]
             for row in range(c.first[o], c.first[o + 1]):
-                room = of(c, m, row, c.pose[0, row], c.deep[0], at.x[i])
+                r = WIDTH * row
+                p = t.vec3(m.now[r], m.now[r + 1], m.now[r + 2])
+                T0 = t.transform(p, t.quat(m.now[r + 3], m.now[r + 4], m.now[r + 5], m.now[r + 6]))
+                room = of(c, m, row, T0, c.deep[0], at.x[i])
                 found = wp.min(found, room)
-                later = wp.min(later, room - (m.loss[row][0] - c.gap[row]))
+                later = wp.min(later, room - (m.now[r + 7] - c.gap[row]))
             kept = points.reach[i] + real(2.0) * c.skin
             found -= kept
             later -= kept

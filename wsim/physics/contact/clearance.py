@@ -11,8 +11,8 @@ contacts again where there is a mark. A frame without contacts marks points whos
 their speed, colliders going on as they do: the next one would be repeated. Where a point of any world or body may meet
 something, the frame has contacts for all.
 
-Always with contacts: colliders that throw points back, meshes that deform, so many colliders that a tree finds them, and
-recordings with gradients.
+Always with contacts: colliders that throw points back, meshes that joints deform, so many colliders that a tree finds them,
+and recordings with gradients.
 """
 
 import numpy as np
@@ -21,7 +21,9 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import clearance as kernels
 from wsim.model.stage import FREE, MET, Clock, Stage
+from wsim.physics.contact.poses.outline import Outline
 from wsim.scene import Plane, Scene, Surface
+from wsim.scene.curve import Curve
 from wsim.scene.methods import carried
 
 REACHED = "a collider may be met"         # status word: in this frame without contacts; after one with contacts: in the next
@@ -37,9 +39,15 @@ def possible(scene: Scene, gradients: bool) -> bool:
 
 
 def lasting(scene: Scene) -> bool:
-    """True if what finds contacts is the same all through a frame: no mesh deforms, no tree finds colliders."""
+    """True if it is known where colliders are in a frame: no joints deform them, no tree finds them."""
     from wsim.physics.contact.contacts import MANY
-    return not forms(scene) and balls(scene) < MANY
+    skins = any(isinstance(c.shape, Surface) and c.shape.poses is not None and not held(c.shape.poses) for c in scene.colliders)
+    return not skins and balls(scene) < MANY
+
+
+def held(poses) -> bool:
+    """True if the points of a mesh are never outside of the ball that its keys are in."""
+    return isinstance(poses, Curve) and (poses.plain or not poses.moves)
 
 
 def balls(scene: Scene) -> int:
@@ -68,10 +76,10 @@ class Clearance:
         rows, m = contacts.rows, kernels.movements(real)()
         radius = np.where(np.isfinite(rows.radius), rows.radius, -1.0)
         m.ball = model.upload(np.concatenate([rows.centers(), radius[:, None]], axis=1)[rows.collider], t.vec4)
-        m.loss = wp.zeros(len(rows.collider), dtype=t.vec2, device=model.device)
-        m.ahead = NEXT * clock.dt
-        self.lanes = 32 if model.device.is_cuda else 1
-        self.moves, self.sweeps = m, kernels.sweeps(real, module, self.lanes)
+        keeps = np.array([0 if mesh is None or mesh.moves else mesh.id for mesh in rows.meshes], np.uint64)
+        m.mesh = model.upload(keeps[rows.collider], wp.uint64)
+        self.outline = Outline(contacts)
+        m.now, m.ahead, self.moves = self.outline.now, NEXT * clock.dt, m
         self.measure, self.near = kernels.clearance(kinds, real, module), kernels.near(kinds, real, module)
         self.stray = None if whole and not contact.points.integrator.stages else kernels.stray(real, module)
         k, width = state.points.names.index("x"), state.points.capacity
@@ -102,11 +110,6 @@ class Clearance:
         reached = bool(self.status.said(REACHED)[0])
         self.said = reached or bool(self.status.said(SOON)[0])
         return reached and self.clock.free
-
-    def moved(self) -> None:
-        """Colliders have other poses in the frame to come."""
-        c = self.contacts
-        self.model.launch(self.sweeps, len(self.moves.loss) * self.lanes, [c.table, self.moves], [self.moves.loss])
 
     def begin(self, clock: Clock) -> None:
         c = self.contacts

@@ -78,7 +78,8 @@ class Contacts:
         self.wanted = wp.zeros(1, dtype=int, device=self.device)
         self.substeps, self.dt = 0, dt
         self.time: float | None = None
-        self.struck, self.changed = struck, True
+        self.struck, self.changed, self.redrawn = struck, True, True    # what poses, what outlines of frames are made of
+        self.owed = False                                # poses of a frame that has asked for none so far
         self.table = kernels.tables(real)[0]()
         self.tree: Any = None                            # `wsim.physics.contact.broad.Tree`
         if self.rows.balls >= MANY:
@@ -136,7 +137,7 @@ class Contacts:
         self._constants()
         self.poses.frame(substeps)
         self.table.h = dt / substeps
-        self.changed = True
+        self.changed = self.redrawn = True
 
     def _constants(self) -> None:
         t, c, rows = self.types, self.table, self.rows
@@ -165,10 +166,11 @@ class Contacts:
 
     # frames
 
-    def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None) -> bool:
-        """Prepares the frame that starts at `time` [s]: colliders at its substeps, in float64; whether they are placed anew.
+    def prepare(self, time: float, *, substeps: int | None = None, deep: bool | None = None, free: bool = False) -> None:
+        """Prepares the frame that starts at `time` [s]: colliders at its substeps, in float64.
 
-        deep: points may start inside of closed meshes; None: yes at first and after a jump in time."""
+        deep: points may start inside of closed meshes; None: yes at first and after a jump in time. free: the frame has no
+        contacts, and poses are worked out when something asks for them, see `place`."""
         again, before = time == self.time, self.time
         if deep is None:
             deep = self.deep if again else not (before is not None and before < time < before + 1.5 * self.dt)
@@ -178,12 +180,17 @@ class Contacts:
         self.time = time
         if substeps is not None and substeps != self.substeps:
             self._frame(substeps, self.dt)
-        if placed := self.changed or self.rows.moves:
-            self.poses.place(time, self.dt, self.gap, self.changed)
+        self.owed = self.changed or self.rows.moves
+        if not free:
+            self.place()
+
+    def place(self) -> None:
+        """Places colliders at the substeps of the frame prepared last, where that is not done."""
+        if self.owed and self.time is not None:
+            self.poses.place(self.time, self.dt, self.gap, self.changed)
             if self.tree:
                 self.tree.build(self.launch)
-        self.changed = False
-        return placed
+            self.changed = self.owed = False
 
     def move(self, path: str, motion: Motion) -> bool:
         """Gives the collider of that path another motion, from the next frame on. False: there is none."""
@@ -191,7 +198,8 @@ class Contacts:
         for collider in found:
             check(replace(collider, motion=motion))
             collider.motion = motion
-        self.changed = self.changed or bool(found)
+        if found:
+            self.changed = self.redrawn = True
         return bool(found)
 
     def set(self, path: str, name: str, value: float, objects: list[int]) -> list[int]:
@@ -203,7 +211,8 @@ class Contacts:
             check(replace(self.rows.colliders[number], **{name: value}))         # type: ignore[arg-type]
         for r in rows if name == "thickness" else ():
             mesh = self.rows.meshes[self.rows.collider[r]]
-            self.gap[r], self.changed = max(value, mesh.least_gap if mesh else 0.0), True
+            self.gap[r] = max(value, mesh.least_gap if mesh else 0.0)
+            self.changed = self.redrawn = True
         if name in FRICTION:
             self.friction[rows, FRICTION.index(name)] = value
         self.table.gap.assign(self.gap.astype(self.dtype))
@@ -259,6 +268,9 @@ class Contacts:
         """penetration: greatest depth of a point, a triangle or a spring inside a solid [m], see
         kernels/contact/penetration.py; too_near: of a point inside the distance kept [m]; contacts: points in contact. At the
         end of the frame prepared last."""
+        if self.owed:
+            self.place()
+            self.shape(self.substeps - 1)
         from wsim.physics.contact import depth
         if depth.suits(self):
             return depth.indicators(self, x.numpy().astype(np.float64))

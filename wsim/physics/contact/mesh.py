@@ -8,6 +8,7 @@ sides.
 import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -76,6 +77,13 @@ class Mesh:
     @property
     def moves(self) -> bool:
         return self.surface.poses is not None and (self.surface.poses.moves or self.turned)
+
+    @cached_property
+    def fastest(self) -> float:
+        """Greatest speed [m/s] of a point of a mesh whose points have keys, straight between them."""
+        times, values = self.surface.poses.times, self.surface.poses.values
+        return max((float(np.linalg.norm(values[k + 1] - values[k], axis=-1).max() / (times[k + 1] - times[k]))
+                    for k in range(len(times) - 1)), default=0.0)
 
     @property
     def least_gap(self) -> float:

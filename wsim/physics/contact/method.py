@@ -163,9 +163,9 @@ class Contact(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         deep = True if clock.starting or self.model.gradients else None
-        placed = self.contacts.prepare(time, substeps=clock.substeps, deep=deep)
-        if placed and self.clearance:
-            self.clearance.moved()
+        self.contacts.prepare(time, substeps=clock.substeps, deep=deep, free=clock.free and self.clearance is not None)
+        if self.clearance:
+            self.clearance.outline.frame(time)
 
     def meet(self, others: Methods) -> None:
         self.contacts.tell(self.status.word(ROOM))
