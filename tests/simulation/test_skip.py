@@ -42,7 +42,7 @@ for path in sys.argv[1:]:
 # what every scene of cloth needs, by XPBD or by explicit steps among contacts
 POINTS = {"predict_euler", "finish_euler", "not_finite", "stretched"}
 LEAPS = {"begin", "commit", "correct", "fused", "settle", "stretched", "not_finite"}   # fused has air, contacts, `correct`
-PINS, AIR, APART = {"move_pins"}, {"press", "blow"}, {"sweeps"}            # APART: frames without contacts
+PINS, AIR = {"move_pins"}, {"press", "blow"}
 BEND = {"dihedral", "angle", "curvature", "target"}
 CLOTH = {"membrane"} | BEND
 DAMPED = {"membrane", "dihedral", "angle_damped", "curvature", "target"}
@@ -50,8 +50,8 @@ KERNELS = {
     "hanging_cloth": {"march", "stretched", "not_finite"},
     "flag": LEAPS | AIR | {"march"},
     "cape": LEAPS | AIR | {"march", "search_sphere", "contact"},
-    "tablecloth": LEAPS | APART | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"},
-    "shirt": POINTS | CLOTH | APART | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
+    "tablecloth": LEAPS | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"},
+    "shirt": POINTS | CLOTH | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
 }
 
 
@@ -76,7 +76,7 @@ XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature 
         | room("kernels", "solver.xpbd math.matrix math.block") | room("kernels.cloth", "terms constraint curvature element"))
 PINNED = {"wsim.physics.motion.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
-CONTACT = (room("physics.contact", "contacts colliders method mesh poses clearance") | room("scene.check", "contact")
+CONTACT = (room("physics.contact", "contacts colliders method mesh clearance") | room("scene.check", "contact")
            | room("scene.check", "signed_distance chord") | room("kernels.contact", "project search collide shape mesh")
            | {"wsim.kernels.motion.clearance"})
 LEAP = (room("physics.motion", "explicit forces threads cluster packets sheets")
@@ -85,6 +85,7 @@ LEAP = (room("physics.motion", "explicit forces threads cluster packets sheets")
         | {"wsim.kernels.math.block"}
         | room("kernels.cloth", "constraint element curvature terms"))
 FUSED = (room("physics.fused", "fuser program recorder source") | room("kernels", "fused.body motion.abreast"))
+OUTLINE = {"wsim.physics.contact.poses.outline"}               # of colliders, for frames without contacts
 WHOLE = room("physics.motion", "one_launch")
 SLIVERS = room("physics.fused", "stiff_few")                   # with whose mass leapfrog is weighed where it is dear
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
@@ -92,8 +93,8 @@ MODULES = {
     "hanging_cloth": SCENE | RUN | WEIGHED | LEAP | WHOLE | PINNED,
     "flag": SCENE | RUN | WEIGHED | LEAP | FUSED | AERO | PINNED,
     "cape": SCENE | RUN | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS,
-    "tablecloth": SCENE | RUN | WEIGHED | LEAP | FUSED | WHOLE | CONTACT,
-    "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | SLIVERS | room("geometry", "tetra.lattice")   # what starts inside
+    "tablecloth": SCENE | RUN | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE,
+    "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | OUTLINE | SLIVERS | room("geometry", "tetra.lattice")   # what starts inside
     | room("kernels", "math.face"),                            # distances of its dummy's triangles
 }
 scenes = pytest.mark.parametrize("name", KERNELS)
@@ -126,7 +127,7 @@ def test_exactly_the_kernels_of_the_scene_are_compiled(name):
 @scenes
 def test_exactly_the_modules_of_the_scene_are_imported(name):
     found = {m for m in stepped(name)["modules"] if m.startswith("wsim") and not m.startswith("wsim.usd")}
-    rooms = {m.rpartition(".")[0] for m in found}
+    rooms = {m.rpartition(".")[0] for m in found} | {"wsim.physics.contact.poses"}
     assert found - rooms - LOADER - {"wsim.scene", "wsim.kernels"} == MODULES[name]
 
 

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.geometry.rotation import about_axis
+from wsim.geometry.rotation import about_axis, normalized
 from wsim.model.launches import Launches
 from wsim.model.stage import FREE
 from wsim.physics.contact import clearance
+from wsim.physics.contact.poses import Poses
 from wsim.scene import Box, Capsule, Plane, Scene, Sphere, Surface, shapes
-from wsim.scene.curve import Motion
+from wsim.scene.curve import Curve, Motion
 from wsim.scene.fabric import Fabric
 from wsim.simulation.report import text
 from wsim.simulation.simulation import Simulation
@@ -72,6 +73,38 @@ def test_a_far_collider_leaves_explicit_steps_their_bits(form, shape, precision)
         sim.run(12)
     assert far.forms == {"free": 12, "met": 0, "repeated": 0} and np.array_equal(state(alone), state(far))
     assert np.abs(far.positions()[:, 2]).max() > 0.1                           # it has moved
+
+
+WAY = [(0.0, 0.0, -9.0), (3.0, 0.0, -9.0), (0.0, 2.0, -8.0)]
+TURNS = [(0.0, 0.0, 0.0, 1.0), (0.0, 0.6, 0.0, 0.8), (0.0, 0.0, 0.6, 0.8)]
+
+
+@pytest.mark.parametrize(("kind", "shape"), [("linear", Box((0.1, 0.2, 0.3))), ("catmull_rom", Surface(*shapes.sphere(0.5, 8))),
+                                             ("linear", "swells")])
+def test_a_collider_that_moves_far_away_has_no_poses(kind, shape, held, monkeypatch):
+    """None of its substeps is worked out until something asks: indicators are those of a run with contacts throughout."""
+    shape = swelling(0.5, 0.2, [0.0, 0.1, 0.2]) if shape == "swells" else shape
+    scene, place, asked = sheet(shape, motion=Motion.through([0.0, 0.1, 0.2], WAY, TURNS, kind), **MARCH), Poses.place, []
+    met, alone = held(scene), Simulation(sheet(**MARCH), **CPU)
+    sim = Simulation(scene, **CPU)
+    monkeypatch.setattr(Poses, "place", lambda *given: (asked.append(1), place(*given)))
+    for each in (sim, alone):
+        each.run(9)
+    assert not asked and sim.forms == {"free": 9, "met": 0, "repeated": 0} and np.array_equal(state(sim), state(alone))
+    met.run(9)
+    said = [{name: each.indicators()[name] for name in ("too_near", "penetration", "contacts")} for each in (sim, met)]
+    assert said[0] == pytest.approx(said[1], abs=1e-9) and len(asked) == 1 + 9
+
+
+@pytest.mark.parametrize("form", ["march", "xpbd", "newton"])
+def test_a_mesh_that_swells_is_met_where_its_ball_is_near(form, held):
+    """Seen from afar as the ball that it becomes; it lifts a sheet, and frames without contacts come before."""
+    ball, by = swelling(0.2, 0.3, [0.0, 0.5, 1.0, 1.5]), rising(-2.0, -0.45, 1.0)
+    scene = sheet(ball, motion=by, **FORMS[form] | {"gravity": (0.0, 0.0, 0.0)})
+    sim, met = Simulation(scene, **CPU), held(scene)
+    _ = sim.run(90), met.run(90)
+    assert sim.forms["free"] >= 20 and sim.forms["met"] >= 20 and sim.positions()[:, 2].max() > 0.02
+    assert np.abs(sim.positions() - met.positions()).max() <= (1e-9 if form in WHOLE else 0.0)
 
 
 @pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
@@ -229,30 +262,37 @@ def test_a_collider_that_comes_by_within_a_frame_is_met(form, by, held):
 
 # what a clearance promises
 
-def turning(rng) -> Motion:
-    keys = np.tile(np.eye(4), (4, 1, 1))
-    for M in keys:
-        axis = rng.normal(size=3)
-        M[:3, :3] = about_axis(axis / np.linalg.norm(axis), rng.uniform(0.0, 0.03))
-        M[:3, 3] = rng.uniform(-0.5, 0.5, 3)
-    return Motion(np.array([0.0, 0.004, 0.01, 0.02]), keys)
+def turning(rng, kind="linear", slower=1.0, **how) -> Motion:
+    turns = rng.normal(size=(4, 4)) * 0.01 + np.array([0.0, 0.0, 0.0, 1.0])
+    return Motion.through(slower * np.array(KEYS), rng.uniform(-0.5, 0.5, (4, 3)), normalized(turns), kind, **how)
 
 
-def rising(low: float, high: float) -> Motion:
-    keys = np.tile(np.eye(4), (2, 1, 1))
-    keys[:, 2, 3] = low, high
-    return Motion(np.array([0.0, 0.02]), keys)
+def rising(low: float, high: float, until: float = 0.02) -> Motion:
+    return Motion.through([0.0, until], [(0.0, 0.0, z) for z in (low, high)], kind="linear")
 
 
-@pytest.mark.parametrize("seed", range(4))
+def swelling(size: float, more: float, times) -> Surface:
+    """A ball of a radius [m] that grows by `more` [m] at every other time [s]."""
+    points, counts, corners = shapes.sphere(size, 8)
+    grown = [points * (1.0 + more / size * (k % 2)) for k in range(len(times))]
+    return Surface(points, counts, corners, Curve(np.array(times), np.array(grown)))
+
+
+KEYS = [0.0, 0.004, 0.01, 0.02]
+OFF = (shapes.sphere(0.3, 8)[0] + np.float32([0.2, 0.0, 0.1]), *shapes.sphere(0.3, 8)[1:])      # its origin is aside
+FOUND = [(Sphere(0.4), {}), (Box((0.2, 0.5, 0.3)), {}), (Capsule(0.1, 0.6), {}), (Surface(*OFF), {}),
+         (swelling(0.3, 0.1, KEYS), {}), (Box((0.2, 0.5, 0.3)), {"kind": "catmull_rom", "slower": 4.0}),
+         (Capsule(0.1, 0.6), {"kind": "eased", "easing": "elastic-out"})]
+
+
+@pytest.mark.parametrize("seed", range(len(FOUND)))
 def test_no_search_finds_a_contact_of_points_within_their_clearance(seed):
     """Of many points and steps about colliders that turn and wander, where |x - x0| + 2 |d| is all of the clearance."""
-    rng = np.random.default_rng(seed)
+    rng, (shape, how) = np.random.default_rng(seed), FOUND[seed]
     scene = Scene(fps=60.0, substeps=5, solver="xpbd", gravity=(0.0, 0.0, 0.0), up="Z")
     n = 4000
-    scene.net("/points", rng.uniform(-6.0, 6.0, (n, 3)), np.arange(n).reshape(-1, 2), [1.0], [1.0], radius=1e-3)
-    shapes_ = [Sphere(0.4), Box((0.2, 0.5, 0.3)), Capsule(0.1, 0.6), Surface(*shapes.sphere(0.3, 8))]
-    scene.collider("/0", shapes_[seed], motion=turning(rng))
+    scene.net("/points", rng.uniform(-8.0, 8.0, (n, 3)), np.arange(n).reshape(-1, 2), [1.0], [1.0], radius=1e-3)
+    scene.collider("/0", shape, motion=turning(rng, **how))
     scene.collider("/1", Plane(), motion=rising(-3.0, -2.8))
     sim = Simulation(scene, **CPU)
     sim.load()
@@ -261,8 +301,7 @@ def test_no_search_finds_a_contact_of_points_within_their_clearance(seed):
     contact.clearance.begin(plan.clock)
     room, x0 = contact.clearance.room.numpy(), sim.state.x.numpy().copy()
     assert 0.2 < (room > 0.0).mean() < 0.99
-    unit = rng.normal(size=(2, n, 3))
-    unit /= np.linalg.norm(unit, axis=-1, keepdims=True)
+    unit = (u := rng.normal(size=(2, n, 3))) / np.linalg.norm(u, axis=-1, keepdims=True)
     some = np.maximum(room, 0.0)[:, None]
     near = 0
     for k in range(5):

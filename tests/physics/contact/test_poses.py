@@ -6,11 +6,15 @@ import warp as wp
 
 from tests.conftest import first_and_slow
 from tests.gradient.test_gradients import Run
+from wsim.geometry import rotation
 from wsim.geometry.rotation import about_axis
 from wsim.kernels.contact.search import MOST, ROOM
+from wsim.kernels.motion.clearance import WIDTH
 from wsim.physics.contact import Bodies, Contacts, contacts, poses
+from wsim.physics.contact.poses import outline
+from wsim.physics.contact.poses.outline import Outline
 from wsim.scene import Box, Capsule, Collider, Plane, Scene, Sphere, Surface, shapes
-from wsim.scene.curve import Curve, Motion
+from wsim.scene.curve import Curve, Motion, Part, Stack
 from wsim.simulation.simulation import Simulation
 
 # Roundings of places and sizes of 2 m: 1e-14 is 22 of them. Balls and turns are made of a few more sums.
@@ -33,11 +37,11 @@ def motion(rng, count=6, angles=None, size=1.0) -> Motion:
     return Motion(times, M)
 
 
-def tried(colliders, origins=((0.0, 0.0, 0.0),), real=wp.float64, device="cpu") -> Contacts:
+def tried(colliders, origins=((0.0, 0.0, 0.0),), real=wp.float64, device="cpu", dt=0.5) -> Contacts:
     n = len(origins)
     bodies = Bodies([list(colliders)] * n, np.array(origins, float), np.zeros(1, np.int32), np.ones(1), np.zeros(1),
                     np.zeros((1, 2)), np.zeros((0, 3)), np.zeros(n), np.zeros(n))
-    return Contacts(bodies, device=device, real=real, substeps=7, dt=0.5)
+    return Contacts(bodies, device=device, real=real, substeps=7, dt=dt)
 
 
 def table(of: Contacts) -> list[np.ndarray]:
@@ -131,12 +135,89 @@ def test_a_motion_set_live_is_met_from_the_next_frame_on():
             sim.set(path, "motion", value)
             given[path] = value if isinstance(value, Motion) else Motion.still(value)
         sim.step()
+        contact.place()                                  # a frame without contacts has asked for no poses
         many.append(len(contact.poses.many))
         pose = contact.table.pose.numpy()
         for j, t in enumerate(frame / 24.0 + np.arange(4) / 72.0):
             expected = np.array([own.at(t)[:3, 3] for own in given.values()]) - sim.model.bodies[0].origin
             np.testing.assert_allclose(pose[j, :, :3], expected, **CLOSE)
     assert many == [count, count, count - 1, count, count, 0, 0]
+
+
+# outlines of frames
+
+def outlined(of: Contacts, frame: int) -> np.ndarray:
+    """Rows (rows, WIDTH) of a frame."""
+    of.prepare(frame * of.dt)
+    of.outline.frame(frame * of.dt)
+    return of.outline.now.numpy().reshape(-1, WIDTH).astype(np.float64).copy()
+
+
+def easing(rng) -> Motion:
+    plain = motion(rng)
+    return Motion(plain.times, plain.values, "eased", easing="bounce-out")
+
+
+def smooth(rng) -> Motion:
+    plain = motion(rng, angles=[0.4])
+    return Motion(plain.times, plain.values, "catmull_rom", after="linear")
+
+
+def stacked(rng) -> Motion:
+    return Stack([Part("turn", Curve(np.array([-1.0, 2.0]), np.array([0.0, 2.0])), 2), motion(rng)])
+
+
+MOTIONS = {"slerp": motion, "smooth": smooth, "eased": easing, "stack": stacked, "still": lambda rng: motion(rng, 1)}
+
+
+def outlines(make, seed=8) -> Contacts:
+    own = Collider("/own", Box((0.1, 0.2, 0.3)), make(np.random.default_rng(seed)))
+    c = tried([*mixed(np.random.default_rng(seed), 4), own], ((0.5, -0.2, 1.0), (-1.0, 0.3, 0.2)), dt=0.05)
+    c.outline = Outline(c)
+    return c
+
+
+@pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)
+def test_an_outline_loses_what_the_poses_of_its_frame_do_or_more(make):
+    """Of each row, by the formula of kernels/motion/clearance.py; as much where poses are looked at, or nothing moves."""
+    c = outlines(make)
+    ball, size = c.rows.centers()[c.rows.collider], np.where(np.isfinite(c.rows.radius), c.rows.radius, -1.0)[c.rows.collider]
+    for frame in range(-22, 44, 3):
+        row, (pose, _, _, stride) = outlined(c, frame), table(c)
+        R, p = rotation.matrix(pose[..., 3:]), pose[..., :3]
+        center = (R @ ball[:, :, None])[..., 0] + p
+
+        def most(x):
+            return np.linalg.norm(x, axis=-1).max(axis=0)
+
+        def turned(A, B):
+            return np.linalg.norm(A - B, ord=2, axis=(-2, -1)).max(axis=0)
+        s, S, w, W = most(center - center[0]), turned(R, R[:1]), most(np.diff(center, axis=0)), turned(R[1:], R[:-1])
+        lever = np.where(size < 0.0, s, size)
+        loss = s + S * lever + 2.0 * (w + W * s) + stride.max(axis=0) + c.gap
+        slope = 4.0 * W + 2.0 * S * (size < 0.0)
+        np.testing.assert_allclose(row[:, :3], p[0], **CLOSE)
+        np.testing.assert_allclose(rotation.matrix(row[:, 3:7]), R[0], **CLOSE)
+        assert (row[:, 7] >= loss).all() and (row[:, 8] >= slope).all()
+        own = slice(-1, None)
+        if make in (easing, MOTIONS["still"]):
+            np.testing.assert_allclose(row[own, 7:], np.stack([loss, slope], 1)[own], atol=1e-4, rtol=0.0)
+
+
+@pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)
+def test_an_outline_is_the_same_whichever_frames_it_is_worked_out_with(make, monkeypatch):
+    """Frame by frame, in sets that double, in small ones, and after something was set."""
+    rows = [outlined(outlines(make), k) for k in range(40)]
+    on, few, anew = (outlines(make) for _ in range(3))
+    for k in range(40):
+        assert np.array_equal(outlined(on, k), rows[k])
+        anew.redrawn = k % 3 == 0
+        assert np.array_equal(outlined(anew, k), rows[k])
+    assert on.outline.count >= 16 and anew.outline.count <= 4
+    monkeypatch.setattr(outline, "SAMPLES", 7 * 3)
+    for k in range(10, 20):
+        assert np.array_equal(outlined(few, k), rows[k])
+    assert few.outline.count == 3 or make is not easing
 
 
 # the broad phase

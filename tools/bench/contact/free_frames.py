@@ -38,7 +38,8 @@ FRAMES = 15            # to 0.25 s
 FINER = 4              # times as many substeps, of the reference
 TURN = 10              # frames of one run before those of the next
 KEYS = 0.5 * np.arange(60)                 # [s] of colliders that move
-SOLVERS: dict[str, dict] = {"explicit": {}, "xpbd": {"substeps": 10, "iterations": 10}, "implicit": {"substeps": 10, "iterations": 2}}
+SOLVERS: dict[str, dict] = {"explicit": {}, "xpbd": {"substeps": 10, "iterations": 10},
+                            "implicit": {"substeps": 10, "iterations": 2}}
 
 
 def collided(scene: Scene, kind: str) -> None:

@@ -21,7 +21,6 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import clearance as kernels
 from wsim.model.stage import FREE, MET, Clock, Stage
-from wsim.physics.contact.poses.outline import Outline
 from wsim.scene import Plane, Scene, Surface
 from wsim.scene.curve import Curve
 from wsim.scene.methods import carried
@@ -78,6 +77,7 @@ class Clearance:
         m.ball = model.upload(np.concatenate([rows.centers(), radius[:, None]], axis=1)[rows.collider], t.vec4)
         keeps = np.array([0 if mesh is None or mesh.moves else mesh.id for mesh in rows.meshes], np.uint64)
         m.mesh = model.upload(keeps[rows.collider], wp.uint64)
+        from wsim.physics.contact.poses.outline import Outline
         self.outline = Outline(contacts)
         m.now, m.ahead, self.moves = self.outline.now, NEXT * clock.dt, m
         self.measure, self.near = kernels.clearance(kinds, real, module), kernels.near(kinds, real, module)

@@ -26,7 +26,6 @@ from wsim.kernels.contact import project as kernels
 from wsim.kernels.contact import search, shape
 from wsim.kernels.contact.collide import code
 from wsim.kernels.math.real import types
-from wsim.model import kernel_cache
 from wsim.model.structs import filled
 from wsim.physics.contact.colliders import Rows, check
 from wsim.physics.contact.mesh import Mesh
@@ -37,7 +36,6 @@ from wsim.scene.values.table import FRICTION
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
-LANES = 4096           # threads of the indicators
 MANY = 64              # balls of an object; 1024 points search 2.3 ms a frame of 10 substeps without a tree, 1.4 with it (one
                        # CPU core; even at 24 balls, 7.9 and 2.5 at 256; a GPU was not measured)
 
@@ -266,28 +264,13 @@ class Contacts:
 
     def indicators(self, x: wp.array) -> dict[str, float]:
         """penetration: greatest depth of a point, a triangle or a spring inside a solid [m], see
-        kernels/contact/penetration.py; too_near: of a point inside the distance kept [m]; contacts: points in contact. At the
-        end of the frame prepared last."""
+        kernels/contact/penetration.py and depth.py; too_near: of a point inside the distance kept [m]; contacts: points in
+        contact. At the end of the frame prepared last."""
         if self.owed:
             self.place()
             self.shape(self.substeps - 1)
         from wsim.physics.contact import depth
-        if depth.suits(self):
-            return depth.indicators(self, x.numpy().astype(np.float64))
-        from wsim.kernels.contact import penetration
-        module = f"wsim_inside_{'_'.join(self.kinds)}_{types(self.real).name}"            # compiled when first asked for
-        gauge, sink = (make(self.kinds, self.real, module) for make in (penetration.gauge, penetration.sink))
-        lanes = min(LANES, max(self.count, 1))
-        near = wp.zeros(lanes, dtype=self.types.vec2, device=self.device)
-        count = wp.zeros(lanes, dtype=int, device=self.device)
-        deep = wp.zeros(lanes, dtype=self.real, device=self.device)
-        kernel_cache.load(gauge.module, self.device)
-        wp.launch(gauge, lanes, [self.table, self.points, self.slots, x, self.substeps, lanes],
-                  [near, count], device=self.device)
-        wp.launch(sink, lanes, [self.table, self.points, self.faces, x, self.substeps, lanes], [deep], device=self.device)
-        kept, solid = near.numpy().max(axis=0)
-        return {"penetration": float(max(solid, deep.numpy().max())), "too_near": float(kept),
-                "contacts": int(count.numpy().sum())}
+        return depth.indicators(self, x)
 
     def impulses(self, g: float) -> dict[str, np.ndarray]:
         """Impulse [N s], (3,), that each collider received in the last substep, by path, in float64."""

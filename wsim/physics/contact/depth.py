@@ -1,5 +1,5 @@
-"""How deep points, triangles and edges are inside of convex colliders, in NumPy and float64: for scenes of so few that
-compiling kernels/contact/penetration.py costs more, and the same numbers.
+"""How deep points, triangles and edges are inside of colliders: by kernels/contact/penetration.py, and inside of convex ones in
+NumPy and float64, for scenes of so few that compiling those kernels costs more, and the same numbers.
 
 phi, the signed distance of `wsim.scene.solids`, is convex: on a triangle it stays above every tangent. A triangle whose
 tangents at its corners and its centre say that it is no deeper than what was found is left out, others are cut into four, until
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 FEW = 1 << 17          # points and triangles times colliders of an object, up to which the host takes a tenth of a second
 ROWS = 64              # colliders of all objects, of which each costs the host its calls
 EXACT, PARTS = 5e-5, 16          # of the longest edge; how often a triangle is cut at most
+LANES = 4096           # threads of the kernels
 SLOPE = 1e-6           # of the size of a triangle: step of the differences that give tangents
 
 
@@ -30,9 +31,33 @@ def suits(contacts: "Contacts") -> bool:
     return work <= FEW and len(rows.collider) <= ROWS and all(kind in CONVEX for kind in contacts.kinds)
 
 
-def indicators(contacts: "Contacts", x: np.ndarray) -> dict[str, float]:
-    """Indicators as `Contacts.indicators` has them. x: positions relative to the origins of objects [m], (points, 3),
-    float64."""
+def indicators(contacts: "Contacts", x) -> dict[str, float]:
+    """Indicators as `Contacts.indicators` has them. x: positions relative to the origins of objects [m], (points,) on the
+    device."""
+    return by_host(contacts, x.numpy().astype(np.float64)) if suits(contacts) else by_device(contacts, x)
+
+
+def by_device(contacts: "Contacts", x) -> dict[str, float]:
+    """By kernels that are compiled when first asked for."""
+    import warp as wp
+
+    from wsim.kernels.contact import penetration
+    from wsim.kernels.math.real import types
+    from wsim.model import kernel_cache
+    c, t = contacts, types(contacts.real)
+    module = f"wsim_inside_{'_'.join(c.kinds)}_{t.name}"
+    gauge, sink = (make(c.kinds, c.real, module) for make in (penetration.gauge, penetration.sink))
+    lanes = min(LANES, max(c.count, 1))
+    near, count, deep = (wp.zeros(lanes, dtype=kind, device=c.device) for kind in (t.vec2, int, c.real))
+    kernel_cache.load(gauge.module, c.device)
+    wp.launch(gauge, lanes, [c.table, c.points, c.slots, x, c.substeps, lanes], [near, count], device=c.device)
+    wp.launch(sink, lanes, [c.table, c.points, c.faces, x, c.substeps, lanes], [deep], device=c.device)
+    kept, solid = near.numpy().max(axis=0)
+    return {"penetration": float(max(solid, deep.numpy().max())), "too_near": float(kept), "contacts": int(count.numpy().sum())}
+
+
+def by_host(contacts: "Contacts", x: np.ndarray) -> dict[str, float]:
+    """x: positions [m], (points, 3), float64."""
     points, table = contacts.points, contacts.table
     w, owner, reach = (a.numpy() for a in (points.w, points.object, points.reach))
     pose = table.pose.numpy()[contacts.substeps].astype(np.float64)

@@ -1,19 +1,23 @@
 """Bounds of how fast a frame moves and turns between two times, by formulas: none of its poses is looked at. NumPy only.
 
     place    value(u), u(s), s = (t - t_k) / span of the piece from key k: |dvalue/dt| <= max |dvalue/du| / (min ds/du span).
-             Both are quadratics in u, each within the hull of its three control points on the part of the piece that is asked for
+             Both are quadratics in u, each within the hull of its three control points on the part that is asked for
     slerp    the angle between its keys times the bound of the pace
-    squad    q = p exp(h w) of p = slerp(q0, q1), r = slerp(a, b), w = log(p* r), h = 2 s (1 - s) (`wsim.geometry.rotation_spline`).
-             With the angles th = |log(q0* q1)|, ph = |log(a* b)| its rate is at most
+    squad    q = p exp(h w), p = slerp(q0, q1), r = slerp(a, b), w = log(p* r), h = 2 s (1 - s)
+             (`wsim.geometry.rotation_spline`). With u = log(q0* q1), v = log(a* b) its rate is at most
 
-                 th + |h'| W + h k (th + ph)          k = (W / 2) / sin(W / 2), the norm of the inverse Jacobian at w
+                 |u| + |h'| W + h k D          k = (W / 2) / sin(W / 2), the norm of the inverse Jacobian at w
 
-             since Jacobians have norm 1, and |w| <= W = |log(q0* a)| + s (th + ph), or the same from the other end
+             since Jacobians have norm 1. D bounds how fast p and r turn against each other: |u| + |v|, and |v - u| + W |u|;
+             W bounds |w|: |log(q0* a)| + s D, or the same from the other end
     stack    outwards from a point that stays within rho of the frame's origin: v += V + Omega rho, rho += |place|, and rates of
              turning add up
 
-Easings by a name, keys that are held or jumped to, periods that repeat, scale that varies and stretches that are not uniform have
-no bound here: it is infinite there.
+    linear   straight ways and slerps at constant rates, held outside: sums of their lengths up to each key say how far it is from
+             one time to another
+
+Easings by a name, keys that are held or jumped to, periods that repeat, scale that varies and stretches that are not uniform
+have no bound here: it is infinite there.
 """
 
 from __future__ import annotations
@@ -31,9 +35,39 @@ UNIFORM = 1e-6         # part by which the axes of a constant matrix may differ 
 WIDE = 3.0             # [rad] that squad's inner rotations may be apart at most; at half a turn it may jump
 
 
-def fastest(motion: Motion, t: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the speed [m/s] of the point `at` (3,) [m] of the moving frame, and of the frame's angular velocity [rad/s],
-    from each of the times t (n + 1,) [s] to the next, (n,) each."""
+class Straight:
+    """A motion that is linear between its keys and held outside: places, rotations and rates, without its matrices."""
+
+    def __init__(self, motion: Motion):
+        self.times, self.p, turns = motion.times, motion.values[:, :3, 3], motion.turns
+        self.q, n = turns.q, len(motion.times)
+        self.turn = np.concatenate([turns.turn, np.zeros((1, 3))]) if n > 1 else np.zeros((1, 3))
+        self.span = np.append(np.diff(motion.times), 1.0)
+        step = np.stack([np.append(np.linalg.norm(np.diff(self.p, axis=0), axis=1), 0.0), np.linalg.norm(self.turn, axis=1)])
+        self.gone = np.concatenate([np.zeros((2, 1)), np.cumsum(step[:, :-1], axis=1)], axis=1)     # way, angle up to a key
+        self.rates = step / self.span
+
+    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places [m], (n, 3), and quaternions, (n, 4), at times (n,) [s]."""
+        k = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1)
+        s = np.where(t < self.times[0], 0.0, t - self.times[k])[:, None] / self.span[k, None]
+        last = np.minimum(k + 1, len(self.times) - 1)
+        return self.p[k] + s * (self.p[last] - self.p[k]), rotation.multiply(self.q[k], rotation.exponential(s * self.turn[k]))
+
+    def fastest(self, t: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """As the function of that name has them."""
+        way, angle = (np.diff(np.interp(t, self.times, gone)) for gone in self.gone)
+        last = len(self.times) - 1
+        ends = np.stack([np.searchsorted(self.times, t[:-1], side="right") - 1, np.searchsorted(self.times, t[1:])], axis=1)
+        ends = np.stack([np.clip(ends[:, 0], 0, max(last - 1, 0)), np.clip(ends[:, 1], 1, max(last, 1))], axis=1).ravel()
+        v, omega = (np.maximum.reduceat(np.append(rate, 0.0), ends)[::2] for rate in self.rates)
+        arm = float(np.linalg.norm(at))
+        return np.stack([way + arm * angle, angle, v + arm * omega, omega], axis=1)
+
+
+def fastest(motion: Motion, t: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Bounds from each of the times t (n + 1,) [s] to the next, (n, 4): the way [m] of the point `at` (3,) [m] of the moving
+    frame, the angle [rad] by which the frame turns on the way, and the greatest of their rates, [m/s] and [rad/s]."""
     parts = getattr(motion, "inner", [motion])
     keys = np.concatenate([t, *(getattr(A, "curve", A).times for A in parts if not isinstance(A, np.ndarray))])
     cuts = np.unique(keys[(keys >= t[0]) & (keys <= t[-1])])
@@ -52,7 +86,8 @@ def fastest(motion: Motion, t: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, 
             v = np.where(rho > 0.0, v + own + turn * rho, v + own)
         omega, rho = omega + turn, rho + way
     first = np.searchsorted(cuts, t[:-1])
-    return np.maximum.reduceat(v, first), np.maximum.reduceat(omega, first)
+    rates, span = np.stack([v, omega], axis=1), (b - a)[:, None]
+    return np.concatenate([np.add.reduceat(rates * span, first), np.maximum.reduceat(rates, first)], axis=1)
 
 
 def _part(A, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -127,14 +162,17 @@ def turning(motion: Motion, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _squad(turns: Turns, k: np.ndarray, s0: np.ndarray, s1: np.ndarray) -> np.ndarray:
     """Bound of the rate of squad [rad a unit of s] in pieces k from s0 to s1, (n,) each."""
-    def angle(p, q):
-        return np.linalg.norm(rotation.logarithm(rotation.multiply(rotation.conjugate(p), q)), axis=-1)
+    def between(p, q):
+        return rotation.logarithm(rotation.multiply(rotation.conjugate(p), q))
+
+    def length(w):
+        return np.linalg.norm(w, axis=-1)
     q, (inner, outer) = turns.q, (each[k] for each in turns.inner)
-    th, ph = np.linalg.norm(turns.turn, axis=1)[k], angle(inner, outer)
-    both = th + ph
-    W = np.minimum(angle(q[k], inner) + s1 * both, angle(q[k + 1], outer) + (1.0 - s0) * both)
+    u, v = turns.turn[k], between(inner, outer)
+    D, begin, end = length(u) + length(v), length(between(q[k], inner)), length(between(q[k + 1], outer))
+    for _ in range(3):
+        W = np.minimum(begin + s1 * D, end + (1.0 - s0) * D)
+        D = np.minimum(D, length(v - u) + W * length(u))
     h = np.where((s0 < 0.5) & (s1 > 0.5), 0.5, np.maximum(2.0 * s0 * (1.0 - s0), 2.0 * s1 * (1.0 - s1)))
     steep = np.maximum(np.abs(2.0 - 4.0 * s0), np.abs(2.0 - 4.0 * s1))
-    half = np.minimum(0.5 * W, 0.5 * WIDE)
-    bound = th + steep * W + h * both / np.sinc(half / np.pi)
-    return np.where(W <= WIDE, bound, np.inf)
+    return np.where(W <= WIDE, length(u) + steep * W + h * D / np.sinc(np.minimum(W, WIDE) / (2.0 * np.pi)), np.inf)
