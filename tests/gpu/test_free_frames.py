@@ -6,21 +6,22 @@ import numpy as np
 import pytest
 import warp as wp
 
-from wsim.scene import Box, Plane, Scene, Sphere, shapes
-from wsim.scene.curve import Motion
+from wsim.scene import Box, Plane, Scene, Sphere, Surface, shapes
+from wsim.scene.curve import Curve, Motion
 from wsim.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
 
 
-def net(n: int, shape=None, *, at=(0.0, 0.0, -9.0), height=0.0, velocity=(0.0, 0.0, 0.0), pinned=True) -> Scene:
-    scene = Scene(fps=60.0, solver="explicit", gravity=(0.0, 0.0, -9.81), up="Z")
+def net(n: int, shape=None, *, at=(0.0, 0.0, -9.0), height=0.0, velocity=(0.0, 0.0, 0.0), pinned=True, motion=None,
+        **more) -> Scene:
+    scene = Scene(**{"fps": 60.0, "solver": "explicit", "gravity": (0.0, 0.0, -9.81), "up": "Z"} | more)
     body = scene.net("/net", *shapes.spring_sheet(1.0, n, up="Z"), velocities=[velocity] * n**2,
                      motion=Motion.at_place((0.0, 0.0, height)))
     if pinned:
         scene.pin("/pin", body, range(n))
     if shape is not None:
-        scene.collider("/wall", shape, at=at)
+        scene.collider("/wall", shape, **({"motion": motion} if motion else {"at": at}))
     return scene
 
 
@@ -33,6 +34,48 @@ def test_a_far_collider_leaves_the_bits(n, precision):
     assert far.forms == {"free": 10, "met": 0, "repeated": 0}
     for name in ("x", "e", "v", "r"):
         assert np.array_equal(getattr(alone.state, name).numpy(), getattr(far.state, name).numpy()), name
+
+
+def swelling(size: float, more: float) -> Surface:
+    points, counts, corners = shapes.sphere(size, 8)
+    grown = np.array([points * (1.0 + more / size * (k % 2)) for k in range(4)])
+    return Surface(points, counts, corners, Curve(0.5 * np.arange(4), grown))
+
+
+def ways(kind: str, low: float, high: float) -> Motion:
+    """To and fro between two heights [m] in a second, turning, or by a name with no bound of its own."""
+    turns = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.6, 0.0, 0.8], [0.0, 0.0, 0.6, 0.8]])
+    how = {"easing": "bounce-out"} if kind == "eased" else {}
+    return Motion.through(0.5 * np.arange(3), [(0.0, 0.0, z) for z in (low, high, low)], turns, kind, **how)
+
+
+MOVING = [("linear", Box((0.1, 0.2, 0.3))), ("catmull_rom", Surface(*shapes.sphere(0.3, 8))), ("eased", Sphere(0.3)),
+          ("linear", swelling(0.2, 0.1))]
+
+
+@pytest.mark.parametrize("solver", ["explicit", "xpbd"])
+@pytest.mark.parametrize(("kind", "shape"), MOVING)
+def test_a_collider_that_moves_far_away_leaves_the_bits_and_is_outlined_as_on_a_cpu(kind, shape, solver):
+    scene, more = net(32, shape, motion=ways(kind, -9.0, -8.0), solver=solver), {"precision": "float64"}
+    alone, far = (Simulation(s, device="cuda:0", **more) for s in (net(32, solver=solver), scene))
+    host = Simulation(scene, device="cpu", **more)
+    for _ in range(10):
+        for sim in (alone, far, host):
+            sim.step()
+        here, there = (sim.plan.method("contact").clearance for sim in (host, far))
+        assert np.array_equal(here.outline.now.numpy(), there.outline.now.numpy())
+        np.testing.assert_allclose(there.room.numpy(), here.room.numpy(), atol=1e-9)
+    assert far.forms == {"free": 10, "met": 0, "repeated": 0} and np.array_equal(alone.positions(), far.positions())
+
+
+@pytest.mark.parametrize(("kind", "shape"), MOVING)
+def test_a_collider_that_comes_near_is_met_as_on_a_cpu(kind, shape):
+    scene = net(32, shape, motion=ways(kind, -3.0, -0.3), gravity=(0.0, 0.0, 0.0))
+    cpu, gpu = (Simulation(scene, device=device, precision="float64") for device in ("cpu", "cuda:0"))
+    for sim in (cpu, gpu):
+        sim.run(36)
+    assert gpu.forms == cpu.forms and gpu.forms["free"] > 3 and gpu.forms["met"] > 3
+    assert np.abs(gpu.positions() - cpu.positions()).max() < 1e-9
 
 
 @pytest.mark.parametrize("n", [32, 100])

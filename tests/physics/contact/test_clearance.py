@@ -80,13 +80,13 @@ TURNS = [(0.0, 0.0, 0.0, 1.0), (0.0, 0.6, 0.0, 0.8), (0.0, 0.0, 0.6, 0.8)]
 
 
 @pytest.mark.parametrize(("kind", "shape"), [("linear", Box((0.1, 0.2, 0.3))), ("catmull_rom", Surface(*shapes.sphere(0.5, 8))),
-                                             ("linear", "swells")])
+                                             ("linear", "swells"), (None, "swells")])
 def test_a_collider_that_moves_far_away_has_no_poses(kind, shape, held, monkeypatch):
     """None of its substeps is worked out until something asks: indicators are those of a run with contacts throughout."""
     shape = swelling(0.5, 0.2, [0.0, 0.1, 0.2]) if shape == "swells" else shape
-    scene, place, asked = sheet(shape, motion=Motion.through([0.0, 0.1, 0.2], WAY, TURNS, kind), **MARCH), Poses.place, []
-    met, alone = held(scene), Simulation(sheet(**MARCH), **CPU)
-    sim = Simulation(scene, **CPU)
+    motion = Motion.through([0.0, 0.1, 0.2], WAY, TURNS, kind) if kind else None
+    scene, place, asked = sheet(shape, motion=motion, **MARCH), Poses.place, []
+    met, sim, alone = held(scene), *(Simulation(s, **CPU) for s in (scene, sheet(**MARCH)))
     monkeypatch.setattr(Poses, "place", lambda *given: (asked.append(1), place(*given)))
     for each in (sim, alone):
         each.run(9)
@@ -99,10 +99,10 @@ def test_a_collider_that_moves_far_away_has_no_poses(kind, shape, held, monkeypa
 @pytest.mark.parametrize("form", ["march", "xpbd", "newton"])
 def test_a_mesh_that_swells_is_met_where_its_ball_is_near(form, held):
     """Seen from afar as the ball that it becomes; it lifts a sheet, and frames without contacts come before."""
-    ball, by = swelling(0.2, 0.3, [0.0, 0.5, 1.0, 1.5]), rising(-2.0, -0.45, 1.0)
-    scene = sheet(ball, motion=by, **FORMS[form] | {"gravity": (0.0, 0.0, 0.0)})
+    ball, more = swelling(0.2, 0.3, [0.0, 0.5, 1.0, 1.5]), FORMS[form] | {"gravity": (0.0, 0.0, 0.0)}
+    scene = sheet(ball, motion=rising(-2.0, -0.45, 1.0), **more)
     sim, met = Simulation(scene, **CPU), held(scene)
-    _ = sim.run(90), met.run(90)
+    _, _ = sim.run(90), met.run(90)
     assert sim.forms["free"] >= 20 and sim.forms["met"] >= 20 and sim.positions()[:, 2].max() > 0.02
     assert np.abs(sim.positions() - met.positions()).max() <= (1e-9 if form in WHOLE else 0.0)
 

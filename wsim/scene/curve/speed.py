@@ -13,8 +13,8 @@
     stack    outwards from a point that stays within rho of the frame's origin: v += V + Omega rho, rho += |place|, and rates of
              turning add up
 
-    linear   straight ways and slerps at constant rates, held outside: sums of their lengths up to each key say how far it is from
-             one time to another
+    linear   straight ways and slerps at constant rates, held outside: sums of their lengths up to each key say how far it is
+             from one time to another
 
 Easings by a name, keys that are held or jumped to, periods that repeat, scale that varies and stretches that are not uniform
 have no bound here: it is infinite there.

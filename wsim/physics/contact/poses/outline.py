@@ -37,14 +37,15 @@ class Outline:
         self.now = wp.zeros(size, dtype=contacts.real, device=contacts.device)
         self.here = self.now.numpy() if contacts.device.is_cpu else None                # the array itself
         self.first = self.count = 0
+        self.moving: list[int] = []                      # distinct colliders
         self.found = np.zeros((0, size), contacts.dtype)
         self.kept: wp.array | None = None                # of `found`, on a GPU
-        self.known: "dict[int, tuple[Motion, Any]]" = {}   # of distinct colliders, see `_straight`
+        self.known: dict[int, tuple[Motion, Any]] = {}   # of distinct colliders, see `_straight`
 
     def frame(self, time: float) -> None:
         """The rows of the frame that starts at `time` [s] become those of `now`."""
         c = self.contacts
-        if self.count and not (c.redrawn or self.rows.moves):
+        if self.count and not (c.redrawn or self.moving):
             return
         number = round(time / c.dt)
         at, whole = number - self.first, abs(time - number * c.dt) < 1e-6 * c.dt
@@ -61,18 +62,20 @@ class Outline:
     def _work_out(self, number: int | None, time: float, count: int) -> None:
         """number: of the frame; None: it begins between two."""
         c, rows = self.contacts, self.rows
-        count = min(count, MOST, ROWS // max(len(rows.collider), 1)) if rows.moves else 1
-        count = max(count, 1)
+        self.moving = [k for k, collider in enumerate(rows.colliders) if collider.motion.moves]
+        count = max(1, min(count, MOST, ROWS // max(len(rows.collider), 1))) if self.moving else 1
         times = np.array([time, time + c.dt]) if number is None else c.dt * (number + np.arange(count + 1))
-        ways = [self._bounded(k, times) for k in range(len(rows.colliders))]
-        endless = [k for k, way in enumerate(ways) if not np.isfinite(way).all()]
-        if endless:
+        way = np.zeros((count, len(rows.colliders), 4))
+        for k in self.moving:
+            way[:, k] = self._bounded(k, times)
+        endless = np.flatnonzero(~np.isfinite(way).all(axis=(0, 2)))
+        if len(endless):
             count = max(1, min(count, SAMPLES // c.substeps))
-            times, ways = times[:count + 1], [way[:count] for way in ways]
+            times, way = times[:count + 1], way[:count]
             for k in endless:
-                ways[k] = self._sampled(k, times, ways[k])
+                self._sample(k, times, way[:, k])
         self.first, self.count = -2 if number is None else number, count
-        self.found = self._table(times[:-1], np.stack(ways, axis=1)).reshape(count, -1).astype(c.dtype)
+        self.found = self._table(times[:-1], way).reshape(count, -1).astype(c.dtype)
         if self.here is None:
             self.kept = wp.array(self.found.ravel(), dtype=c.real, device=c.device)
 
@@ -87,8 +90,6 @@ class Outline:
     def _bounded(self, k: int, times: np.ndarray) -> np.ndarray:
         """(s, S, w, W) in frames between times, (frames, 4), of a distinct collider; infinite where there is no bound."""
         motion = self.rows.colliders[k].motion
-        if not motion.moves:
-            return np.zeros((len(times) - 1, 4))
         from wsim.scene.curve.speed import fastest
         line, center = self._straight(k), self.rows.centers()[k]
         way = line.fastest(times, center) if line else fastest(motion, times, center)
@@ -98,8 +99,8 @@ class Outline:
         way[:, 1::2] = np.where(known, 2.0 * np.sin(0.5 * np.minimum(way[:, 1::2], np.pi)) + 4.0 * off, np.inf)
         return way
 
-    def _sampled(self, k: int, times: np.ndarray, way: np.ndarray) -> np.ndarray:
-        """The same, of frames that have no bound by all poses of their substeps."""
+    def _sample(self, k: int, times: np.ndarray, way: np.ndarray) -> None:
+        """The same for frames that have no bound, (frames, 4), by all poses of their substeps."""
         there, n = np.flatnonzero(~np.isfinite(way).all(axis=1)), self.contacts.substeps
         each = times[there, None] + self.contacts.dt * np.arange(n + 1) / n
         M = self.rows.colliders[k].motion.sampled(each.ravel()).reshape(len(there), n + 1, 4, 4)
@@ -110,13 +111,12 @@ class Outline:
             return (np.linalg.norm(c[:, b] - c[:, a], axis=-1).max(axis=1),
                     2.0 * np.linalg.norm(turned[..., :3], axis=-1).max(axis=1))
         way[there] = np.stack([*gone(slice(0, 1), slice(1, None)), *gone(slice(0, -1), slice(1, None))], axis=1)
-        return way
 
     def _table(self, times: np.ndarray, way: np.ndarray) -> np.ndarray:
         """Rows (frames, rows, WIDTH): translation, quaternion; loss, constant [m] and times the distance from the centre.
         way: (frames, distinct, 4)."""
         rows, of = self.rows, self.rows.collider
-        p, q = (np.stack(each, axis=1) for each in zip(*(self._poses(k, times) for k in range(len(rows.colliders))), strict=True))
+        p, q = self._poses(times)
         center = (rotate(q, rows.centers()) + p)[:, of] - rows.origin
         s, S, w, W = np.moveaxis(way, -1, 0)
         ball = np.isfinite(rows.radius)
@@ -129,11 +129,15 @@ class Outline:
         loss = np.stack([moved[:, of] + self.contacts.gap + rounded, slope[:, of]], axis=-1)
         return np.concatenate([p[:, of] - rows.origin, q[:, of], loss], axis=-1)
 
-    def _poses(self, k: int, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places (frames, 3) [m] and quaternions (frames, 4) of a distinct collider."""
-        motion = self.rows.colliders[k].motion
-        if motion.moves and self._straight(k):
-            return self._straight(k).at(times)
-        M = motion.sampled(times) if motion.moves else motion.at(0.0)[None]
-        each = M[:, :3, 3], quaternion(M[:, :3, :3])
-        return each if motion.moves else tuple(np.broadcast_to(x, (len(times), x.shape[1])) for x in each)
+    def _poses(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places (frames, distinct, 3) [m] and quaternions (frames, distinct, 4)."""
+        M = np.stack([collider.motion.values[0] for collider in self.rows.colliders])          # of what does not move
+        p, q = (np.repeat(x[None], len(times), axis=0) for x in (M[:, :3, 3], quaternion(M[:, :3, :3])))
+        for k in self.moving:
+            line, motion = self._straight(k), self.rows.colliders[k].motion
+            if line:
+                p[:, k], q[:, k] = line.at(times)
+            else:
+                M = motion.sampled(times)
+                p[:, k], q[:, k] = M[:, :3, 3], quaternion(M[:, :3, :3])
+        return p, q
