@@ -49,7 +49,7 @@ def ways(kind: str, low: float, high: float) -> Motion:
     return Motion.through(0.5 * np.arange(3), [(0.0, 0.0, z) for z in (low, high, low)], turns, kind, **how)
 
 
-MOVING = [("linear", Box((0.1, 0.2, 0.3))), ("catmull_rom", Surface(*shapes.sphere(0.3, 8))), ("eased", Sphere(0.3)),
+MOVING = [("linear", Box((0.3, 0.3, 0.4))), ("catmull_rom", Surface(*shapes.sphere(0.3, 8))), ("eased", Sphere(0.3)),
           ("linear", swelling(0.2, 0.1))]
 
 
