@@ -1,4 +1,5 @@
-"""Many colliders: poses that the device evaluates against `Motion.at`, live motions, and a broad phase that changes no bit."""
+"""Many colliders: poses that the device evaluates against `Motion.at`, live motions, and a broad phase that changes no bit;
+outlines of frames, and colliders that have no poses."""
 
 import numpy as np
 import pytest
@@ -6,11 +7,12 @@ import warp as wp
 
 from tests.conftest import first_and_slow
 from tests.gradient.test_gradients import Run
+from tests.physics.contact.test_clearance import CPU, FORMS, MARCH, WHOLE, rising, sheet, state, swelling
 from wsim.geometry import rotation
 from wsim.geometry.rotation import about_axis
 from wsim.kernels.contact.search import MOST, ROOM
 from wsim.kernels.motion.clearance import WIDTH
-from wsim.physics.contact import Bodies, Contacts, contacts, poses
+from wsim.physics.contact import Bodies, Contacts, clearance, contacts, poses
 from wsim.physics.contact.poses import outline
 from wsim.physics.contact.poses.outline import Outline
 from wsim.scene import Box, Capsule, Collider, Plane, Scene, Sphere, Surface, shapes
@@ -220,6 +222,51 @@ def test_an_outline_is_the_same_whichever_frames_it_is_worked_out_with(make, mon
     assert few.outline.count == 3 or make is not easing
 
 
+WAY = [(0.0, 0.0, -9.0), (3.0, 0.0, -9.0), (0.0, 2.0, -8.0)]
+TURNS = [(0.0, 0.0, 0.0, 1.0), (0.0, 0.6, 0.0, 0.8), (0.0, 0.0, 0.6, 0.8)]
+
+
+def throughout(scene: Scene, monkeypatch) -> Simulation:
+    """With contacts in every frame."""
+    with monkeypatch.context() as m:
+        m.setattr(clearance, "possible", lambda *_: False)
+        return Simulation(scene, **CPU)
+
+
+def placed(contacts) -> list[wp.array]:
+    return [contacts.table.pose, *(mesh.device["mesh"].points for mesh in contacts.meshes.values())]
+
+
+@pytest.mark.parametrize(("kind", "shape"), [("linear", Box((0.1, 0.2, 0.3))), ("catmull_rom", Surface(*shapes.sphere(0.5, 8))),
+                                             ("linear", "swells"), (None, "swells")])
+def test_a_collider_that_moves_far_away_has_no_poses(kind, shape, monkeypatch):
+    """None of its substeps is worked out until indicators ask: then it is where it is with contacts throughout."""
+    shape = swelling(0.5, 0.2, [0.0, 0.1, 0.2]) if shape == "swells" else shape
+    by = Motion.through([0.0, 0.1, 0.2], WAY, TURNS, kind) if kind else None
+    scene, place, asked = sheet(shape, motion=by, **MARCH), poses.Poses.place, []
+    met, sim, alone = throughout(scene, monkeypatch), *(Simulation(s, **CPU) for s in (scene, sheet(**MARCH)))
+    monkeypatch.setattr(poses.Poses, "place", lambda *given: (asked.append(1), place(*given)))
+    for each in (sim, alone):
+        each.run(9)
+    assert not asked and sim.forms == {"free": 9, "met": 0, "repeated": 0} and np.array_equal(state(sim), state(alone))
+    met.run(9)
+    assert sim.indicators()["penetration"] == 0.0 and len(asked) == 9 + 1
+    for a, b in zip(*(placed(each.plan.find("contacts")) for each in (sim, met)), strict=True):
+        assert np.array_equal(a.numpy(), b.numpy())
+
+
+@pytest.mark.parametrize("form", ["march", "xpbd", "newton"])
+def test_a_mesh_that_swells_is_met_where_its_ball_is_near(form, monkeypatch):
+    """Seen from afar as the ball that it becomes; it lifts a sheet, and frames without contacts come before."""
+    ball, more = swelling(0.2, 0.3, [0.0, 0.5, 1.0, 1.5]), FORMS[form] | {"gravity": (0.0, 0.0, 0.0)}
+    scene = sheet(ball, motion=rising(-2.0, -0.45, 1.0), **more)
+    sim, met = Simulation(scene, **CPU), throughout(scene, monkeypatch)
+    for each in (sim, met):
+        each.run(90)
+    assert sim.forms["free"] >= 20 and sim.forms["met"] >= 20 and sim.positions()[:, 2].max() > 0.02
+    assert np.abs(sim.positions() - met.positions()).max() <= (1e-9 if form in WHOLE else 0.0)
+
+
 # the broad phase
 
 def crowd(seed: int, count=80) -> Scene:
@@ -331,3 +378,12 @@ def test_a_recorded_run_asks_no_motion_of_a_moving_collider_but_of_one_that_was_
     stage = Usd.Stage.Open(job.result)
     ball = UsdGeom.Xformable(stage.GetPrimAtPath("/ball3")).ComputeLocalToWorldTransform(3.0)
     assert np.abs(np.array(ball).T - given.at(0.0)).max() < 1e-6 and job.simulation.poses("/ball3")["/ball3"][0, 3] == 0.0
+
+
+def test_indicators_of_a_run_that_goes_on_are_of_where_it_was_left():
+    """A ball has come to a sheet and touches it; no frame is stepped."""
+    run, again = (Simulation(sheet(Sphere(0.4), motion=rising(-0.5, -0.3, 0.1), **MARCH), **CPU) for _ in range(2))
+    run.run(3)
+    with np.errstate(all="raise"):
+        again.restart(3, {"/sheet": run.fields("/sheet")})
+        assert again.indicators() == run.indicators() and run.indicators()["contacts"] > 0

@@ -208,7 +208,7 @@ class Contact(Method):
         return [Remedy("grow", act) for act, some in ((grow, wanted), (lists, faces > points.room)) if some]
 
     def resumed(self, time: float) -> None:
-        self.contacts.time = time
+        self.contacts.time, self.contacts.owed = time, True
         if self.clearance:
             self.clearance.said = None
 

@@ -72,7 +72,7 @@ class Outline:
         if len(endless):
             count = max(1, min(count, SAMPLES // c.substeps))
             times, way = times[:count + 1], way[:count]
-            for k in endless:
+            for k in endless.tolist():
                 self._sample(k, times, way[:, k])
         self.first, self.count = -2 if number is None else number, count
         self.found = self._table(times[:-1], way).reshape(count, -1).astype(c.dtype)
