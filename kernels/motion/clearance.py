@@ -2,14 +2,13 @@
 contacts.
 
     x0   position where the frame begins [m]      T_k  pose of a collider at substep k, c_k its centre, R the radius about it
-    D    distance of x0 from the collider in T_0 [m], < 0 inside; of meshes more than their ball's radius away from it, the
-         ball's
+    D    distance of x0 from the collider in T_0 [m], < 0 inside; of one more than R away from its ball, the ball's
     s    max_k |c_k - c_0|,  S = max_k |R_k - R_0|       w  max_k |c_(k+1) - c_k|,  W = max_k |R_(k+1) - R_k|
 
 A point of the collider moves by at most s + S L in the frame, L = R (of a plane, where all that counts is the turn of its
 normal about x, L = 2 |x0 - c_0| + s). In the collider's own frame a straight step of the point is straight up to what the
 collider moves meanwhile at the point's place, no more than V = w + W (2 |x0 - c_0| + s), as long as the point goes no further
-than |x0 - c_0|, which is taken a bit too long, and is the most that D may be. So every place that a point, or its straight
+than |x0 - c_0|, which is the most that D may be. So every place that a point, or its straight
 path, has in a frame, and that is no more than
 
     C = min over colliders (D - s - S L - 2 V - gap) - reach - 2 skin
@@ -45,7 +44,7 @@ FREE = 1.0e30          # [m] of a point that has no contacts
 SLACK = 1.0e-5         # of distances, that clearances are smaller by: what poses and shapes a kilometre away are rounded by
 NEAR = 4               # bit of a point's mark: where the frame ended it was so near that the next one has contacts
 SOON = 8               # bit of a point's mark: the same, where the frame itself had none
-WIDTH = 9              # numbers of a row of `Movements.now`
+WIDTH = 12             # numbers of a row of `Movements.now`
 
 
 @cache
@@ -57,7 +56,7 @@ def movements(real):
     class Movements:
         ball: wp.array(dtype=t.vec4)         # centre in the collider's frame, radius [m]; < 0: it has none, (rows,)
         mesh: wp.array(dtype=wp.uint64)      # a mesh that keeps its shape, 0: another, (rows,)
-        now: wp.array(dtype=real)            # T_0 (7), and what D loses: constant [m], and times |x0 - c_0|, (rows * WIDTH,)
+        now: wp.array(dtype=real)            # T_0 (7); what D loses: constant [m], and times |x0 - c_0|; c_0, (rows * WIDTH,)
         ahead: real                          # time for which clearances should last [s]
 
     return Movements
@@ -65,34 +64,37 @@ def movements(real):
 
 @cache
 def away(kinds: tuple[str, ...], real):
-    """Function (c, m, row, T0, deep, x) -> D - s - S L - 2 V - gap of a point at x and the collider of a row. deep: whether
-    meshes may hold it from the start."""
+    """Function (c, m, row, T0, c0, deep, x) -> D - s - S L - 2 V - gap of a point at x and the collider of a row, whose centre
+    is at c0. deep: whether meshes may hold it from the start."""
     t, (convex, meshes), Rows, Movements = types(real), split(kinds), tables(real)[0], movements(real)
     shaped, meshed, formula, nearest = bool(convex), bool(meshes), distance(convex), mesh.nearest(meshes)
     if meshes:
         from wsim.kernels.math.face import away as face_away
 
     @wp.func
-    def away(c: Rows, m: Movements, row: int, T0: t.transform, deep: int, x: t.vec3):
+    def surface(c: Rows, m: Movements, row: int, T0: t.transform, deep: int, x: t.vec3, D: real):
         kind = c.kind[row]
-        ball = m.ball[row]
         q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - wp.transform_get_translation(T0))
-        apart = q - t.vec3(ball[0], ball[1], ball[2])
-        D = real(-FREE)
         if shaped:
             if kind < SOLID:
                 D, n = formula(kind, c.size[row], q)
         if meshed:
-            if kind >= SOLID:
-                D = wp.length(apart) - ball[3]
-                if D < ball[3] and m.mesh[row] != wp.uint64(0):            # the surface itself: a mesh is rarely as its ball
-                    far = float(real(3.0) * ball[3])
-                    face, sign = nearest(kind, m.mesh[row], wp.vec3f(q), far, deep, far)
-                    if face >= 0:
-                        dist, _p = face_away(m.mesh[row], face, wp.vec3f(q))
-                        D = wp.max(D, real(sign * dist))
-        most = wp.abs(apart[0]) + wp.abs(apart[1]) + wp.abs(apart[2])      # no less than its length, and no root
-        return wp.min(D, most) - (m.now[WIDTH * row + 7] + m.now[WIDTH * row + 8] * most)
+            if kind >= SOLID and m.mesh[row] != wp.uint64(0):
+                far = float(real(3.0) * m.ball[row][3])
+                face, sign = nearest(kind, m.mesh[row], wp.vec3f(q), far, deep, far)
+                if face >= 0:
+                    dist, _p = face_away(m.mesh[row], face, wp.vec3f(q))
+                    D = wp.max(D, real(sign * dist))
+        return D
+
+    @wp.func
+    def away(c: Rows, m: Movements, row: int, T0: t.transform, c0: t.vec3, deep: int, x: t.vec3):
+        L = wp.length(x - c0)
+        R = m.ball[row][3]
+        D = L - R
+        if R < real(0.0) or D < R:                            # the surface itself: a shape is rarely as its ball
+            D = wp.min(surface(c, m, row, T0, deep, x, D), L)
+        return D - (m.now[WIDTH * row + 7] + m.now[WIDTH * row + 8] * L)
 
     return away
 
@@ -116,7 +118,8 @@ def clearance(kinds: tuple[str, ...], real, module):
                 r = WIDTH * row
                 p = t.vec3(m.now[r], m.now[r + 1], m.now[r + 2])
                 T0 = t.transform(p, t.quat(m.now[r + 3], m.now[r + 4], m.now[r + 5], m.now[r + 6]))
-                room = of(c, m, row, T0, c.deep[0], at.x[i])
+                c0 = t.vec3(m.now[r + 9], m.now[r + 10], m.now[r + 11])
+                room = of(c, m, row, T0, c0, c.deep[0], at.x[i])
                 found = wp.min(found, room)
                 later = wp.min(later, room - (m.now[r + 7] - c.gap[row]))
             kept = points.reach[i] + real(2.0) * c.skin
@@ -164,7 +167,9 @@ def near(kinds: tuple[str, ...], real, module):
             need = ahead * wp.length(v[i]) + points.reach[i] + real(2.0) * c.skin
             for row in range(c.first[o], c.first[o + 1]):
                 T1 = c.pose[c.ball.shape[0], row]
-                if not need <= of(c, m, row, T1, 0, x[i]):
+                ball = m.ball[row]
+                c1 = wp.transform_point(T1, t.vec3(ball[0], ball[1], ball[2]))
+                if not need <= of(c, m, row, T1, c1, 0, x[i]):
                     mark = NEAR
             s.mark[i] = mark
         if mark != 0:

@@ -200,10 +200,11 @@ def test_an_outline_loses_what_the_poses_of_its_frame_do_or_more(make):
         slope = 4.0 * W + 2.0 * S * (size < 0.0)
         np.testing.assert_allclose(row[:, :3], p[0], **CLOSE)
         np.testing.assert_allclose(rotation.matrix(row[:, 3:7]), R[0], **CLOSE)
+        np.testing.assert_allclose(row[:, 9:], center[0], **CLOSE)
         assert (row[:, 7] >= loss).all() and (row[:, 8] >= slope).all()
         own = slice(-1, None)
         if make in (easing, MOTIONS["still"]):
-            np.testing.assert_allclose(row[own, 7:], np.stack([loss, slope], 1)[own], atol=1e-4, rtol=0.0)
+            np.testing.assert_allclose(row[own, 7:9], np.stack([loss, slope], 1)[own], atol=1e-4, rtol=0.0)
 
 
 @pytest.mark.parametrize("make", MOTIONS.values(), ids=MOTIONS)

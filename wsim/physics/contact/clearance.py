@@ -113,6 +113,7 @@ class Clearance:
 
     def begin(self, clock: Clock) -> None:
         c = self.contacts
+        self.outline.send()
         at = c.read(x=self.state.x, v=self.state.v)
         self.model.launch(self.measure, self.model.points, [c.table, c.points, self.moves, at, c.slots],
                           [self.room, c.struck, self.status.word(SOON)])
@@ -129,5 +130,6 @@ class Clearance:
 
     def end(self, clock: Clock) -> None:
         c, s = self.contacts, self.state
+        self.outline.send()
         self.model.launch(self.near, self.model.points, [c.table, c.points, self.moves, s.x, s.v, AHEAD * clock.dt, c.slots],
                           [self.word])

@@ -35,11 +35,14 @@ class Outline:
         self.contacts, self.rows = contacts, contacts.rows
         size = len(self.rows.collider) * WIDTH
         self.now = wp.zeros(size, dtype=contacts.real, device=contacts.device)
-        self.here = self.now.numpy() if contacts.device.is_cpu else None                # the array itself
+        self.host: wp.array | None = None
+        if contacts.device.is_cuda:
+            self.host = wp.zeros(size, dtype=contacts.real, device="cpu", pinned=True)
+        self.here = (self.now if self.host is None else self.host).numpy()              # the array itself
+        self.sends = self.host is not None and any(c.motion.moves for c in self.rows.colliders)
         self.first = self.count = 0
         self.moving: list[int] = []                      # distinct colliders
         self.found = np.zeros((0, size), contacts.dtype)
-        self.kept: wp.array | None = None                # of `found`, on a GPU
         self.known: dict[int, tuple[Motion, Any]] = {}   # of distinct colliders, see `_straight`
 
     def frame(self, time: float) -> None:
@@ -53,11 +56,14 @@ class Outline:
             on = whole and not c.redrawn and at == self.count
             self._work_out(number if whole else None, time, 2 * self.count if on else 1)
             at, c.redrawn = 0, False
-        if self.here is not None:
-            self.here[:] = self.found[at]
-        else:
-            assert self.kept is not None
-            wp.copy(self.now, self.kept, 0, at * len(self.now), len(self.now))
+        self.here[:] = self.found[at]
+        if self.host is not None and not self.sends:     # what moves only since it was set
+            wp.copy(self.now, self.host)
+
+    def send(self) -> None:
+        """Brings the rows to a GPU, within a frame, where colliders moved from the start."""
+        if self.sends:
+            wp.copy(self.now, self.host)
 
     def _work_out(self, number: int | None, time: float, count: int) -> None:
         """number: of the frame; None: it begins between two."""
@@ -76,8 +82,6 @@ class Outline:
                 self._sample(k, times, way[:, k])
         self.first, self.count = -2 if number is None else number, count
         self.found = self._table(times[:-1], way).reshape(count, -1).astype(c.dtype)
-        if self.here is None:
-            self.kept = wp.array(self.found.ravel(), dtype=c.real, device=c.device)
 
     def _straight(self, k: int) -> Any:
         """`wsim.scene.curve.speed.Straight` of a distinct collider's motion; None: it is not linear."""
@@ -113,8 +117,8 @@ class Outline:
         way[there] = np.stack([*gone(slice(0, 1), slice(1, None)), *gone(slice(0, -1), slice(1, None))], axis=1)
 
     def _table(self, times: np.ndarray, way: np.ndarray) -> np.ndarray:
-        """Rows (frames, rows, WIDTH): translation, quaternion; loss, constant [m] and times the distance from the centre.
-        way: (frames, distinct, 4)."""
+        """Rows (frames, rows, WIDTH): translation, quaternion; loss, constant [m] and times the distance from the centre; the
+        centre. way: (frames, distinct, 4)."""
         rows, of = self.rows, self.rows.collider
         p, q = self._poses(times)
         center = (rotate(q, rows.centers()) + p)[:, of] - rows.origin
@@ -127,7 +131,7 @@ class Outline:
         slope = 4.0 * W + np.where(ball, 0.0, 2.0 * S) + SLACK
         rounded = SLACK * (np.linalg.norm(center, axis=-1) + np.where(ball, size, 1.0)[of])
         loss = np.stack([moved[:, of] + self.contacts.gap + rounded, slope[:, of]], axis=-1)
-        return np.concatenate([p[:, of] - rows.origin, q[:, of], loss], axis=-1)
+        return np.concatenate([p[:, of] - rows.origin, q[:, of], loss, center], axis=-1)
 
     def _poses(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Places (frames, distinct, 3) [m] and quaternions (frames, distinct, 4)."""
