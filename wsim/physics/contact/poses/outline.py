@@ -62,7 +62,7 @@ class Outline:
 
     def send(self) -> None:
         """Brings the rows to a GPU, within a frame, where colliders moved from the start."""
-        if self.sends:
+        if self.sends and self.host is not None:
             wp.copy(self.now, self.host)
 
     def _work_out(self, number: int | None, time: float, count: int) -> None:
