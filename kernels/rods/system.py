@@ -5,9 +5,8 @@
 
 Strains of a point know three points in a row, so that K has two blocks beside its diagonal; blocks are 4 x 4 (a point, and the
 angle of the edge behind it), eliminated from the first to the last without pivoting: K is positive definite. What Gauss and
-Newton leave out (strain times its second derivative) changes how fast iterations converge, not where to; of it only what turns
-of edges about themselves add to their own stiffness is taken, where that is positive: of rods that are pulled straight it is
-most.
+Newton leave out (strain times its second derivative) changes how fast iterations converge, not where to; of it what turns of
+edges about themselves change is taken (`element.spinning`): of rods that are bent, or pulled straight, it is most.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -19,7 +18,7 @@ import warp as wp
 
 from wsim.kernels.rods.air import blow, velocity
 from wsim.kernels.rods.contact import Colliders, touching
-from wsim.kernels.rods.element import bend, transport, turned, upright
+from wsim.kernels.rods.element import bend, spinning, transport, turned, upright
 from wsim.kernels.rods.eliminate import Window, eliminating
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
 
@@ -112,15 +111,17 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
     free2 = wp.where(S.hold[i + 1, k] < 0, wp.float64(1.0), zero)
     spin0 = wp.where(S.clamped[i - 1, k] == 0, wp.float64(1.0), zero)
     spin1 = wp.where(S.clamped[i, k] == 0, wp.float64(1.0), zero)
+    turn = spinning(f.s, S.rest[i, k])
     m = int(3)
     for c in range(m):
         q = wp.where(c < 2, S.B[i, k], S.C[i, k])
-        g0 = split(f.a[c] * -free0, f.u[c] * spin0)
-        g1 = split((f.a[c] - f.b[c]) * free1, f.w[c] * spin1)
+        u = wp.where(c < 2, turn[c], wp.float64(1.0))
+        g0 = split(f.a[c] * -free0, wp.where(c < 2, u, -u) * spin0)
+        g1 = split((f.a[c] - f.b[c]) * free1, u * spin1)
         g2 = split(f.b[c] * free2, zero)
         s = (f.s[c] - S.rest[i, k][c]) * q
-        w.r0 = w.r0 - g0 * s
-        w.r1 = w.r1 - g1 * s
+        w.r0 = w.r0 - split(f.a[c] * -free0, f.u[c] * spin0) * s
+        w.r1 = w.r1 - split((f.a[c] - f.b[c]) * free1, f.w[c] * spin1) * s
         w.r2 = w.r2 - g2 * s
         w.D0 = w.D0 + wp.outer(g0, g0) * q
         w.D1 = w.D1 + wp.outer(g1, g1) * q
@@ -128,10 +129,8 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
         w.P = w.P + wp.outer(g0, g1) * q
         w.N = w.N + wp.outer(g1, g2) * q
         w.F = w.F + wp.outer(g0, g2) * q
-    a = (f.s[0] - S.rest[i, k][0]) * S.B[i, k]
-    b = (f.s[1] - S.rest[i, k][1]) * S.B[i, k]
-    w.D0[3, 3] = w.D0[3, 3] + wp.max(a * f.u[1] - b * f.u[0], zero) * spin0
-    w.D1[3, 3] = w.D1[3, 3] + wp.max(a * f.w[1] - b * f.w[0], zero) * spin1
+    w.D0[3, 3] = w.D0[3, 3] + S.B[i, k] * turn[2] * spin0
+    w.D1[3, 3] = w.D1[3, 3] + S.B[i, k] * turn[2] * spin1
     return w
 
 
