@@ -40,6 +40,7 @@ def begin_point(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: in
     T.x[i, k] = x
     if i + 1 < S.points[k]:
         T.phi[i, k] = Q.phi[i, k]
+        T.pull[i, k] = S.A[i, k] * (wp.length(Q.x[i + 1, k] - Q.x[i, k]) - S.length[i, k])
         t = wp.normalize(guess(S, H, Q, h, at, i + 1, k) - x)
         old = wp.normalize(Q.x[i + 1, k] - Q.x[i, k])
         if S.clamped[i, k] == 1:

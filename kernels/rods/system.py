@@ -82,11 +82,11 @@ def push(S: Strands, w: Window, f: wp.vec3d, K: wp.mat33d, i: int, k: int):
 
 
 @wp.func
-def stretch(S: Strands, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
+def stretch(S: Strands, T: Trial, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
     """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives."""
     one = wp.float64(1.0)
     tension = S.A[i, k] * (length - S.length[i, k])
-    across = wp.max(tension / wp.max(length, TINY), wp.float64(0.0))
+    across = wp.max(T.pull[i, k] / wp.max(length, TINY), wp.float64(0.0))
     H = wp.outer(t, t) * (S.A[i, k] - across) + wp.identity(n=3, dtype=wp.float64) * across
     free0 = wp.where(S.hold[i, k] < 0, one, one - one)
     free1 = wp.where(S.hold[i + 1, k] < 0, one, one - one)
@@ -198,7 +198,7 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
             w.D2 = D
             w.r2 = r
             if i >= 0 and i + 1 < n:
-                w = stretch(S, w, t0, l0, i, k)
+                w = stretch(S, T, w, t0, l0, i, k)
                 if wp.static(airy):
                     f, K = blow(S, Q, T, p, i, k)
                     w = push(S, w, f, K, i, k)
@@ -232,6 +232,8 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
         z1 = T.z[i + 1, k]
         y1 = x1 + wp.vec3d(z1[0], z1[1], z1[2]) * part
         T.x[i + 1, k] = y1
+        l = wp.length(x1 - x0)
+        T.pull[i, k] = S.A[i, k] * (l - S.length[i, k] + wp.dot(x1 - x0, wp.vec3d(z1[0] - z[0], z1[1] - z[1], z1[2] - z[2])) / wp.max(l, TINY))
         if S.clamped[i, k] == 0:
             t = wp.normalize(y1 - y0)
             angle = z[3] * part

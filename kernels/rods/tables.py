@@ -62,6 +62,7 @@ class Trial:
     d: wp.array2d(dtype=wp.vec3d)
     phi: wp.array2d(dtype=wp.float64)
     turn: wp.array2d(dtype=wp.float64)              # of edges about their tangents in this substep [rad]
+    pull: wp.array2d(dtype=wp.float64)              # tension of edges, as the correction before had it [N]
     near: wp.array2d(dtype=wp.mat44d)               # factor towards the next point
     far: wp.array2d(dtype=wp.mat44d)                # towards the one behind it
     z: wp.array2d(dtype=wp.vec4d)                   # right-hand side, then correction

@@ -151,7 +151,7 @@ class Strands(Method):
 
     def _trial(self) -> Any:
         two, device = (self.table.longest, self.table.strands), self.model.device
-        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "near": wp.mat44d, "far": wp.mat44d,
+        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "pull": wp.float64, "near": wp.mat44d, "far": wp.mat44d,
                  "z": wp.vec4d}
         return filled(tables.Trial, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
 
