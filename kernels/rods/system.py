@@ -17,12 +17,11 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.air import blow, velocity
-from wsim.kernels.rods.contact import Colliders, touching
+from wsim.kernels.rods.contact import TINY, Colliders, expect, touching
 from wsim.kernels.rods.element import bend, spinning, transport, turned, upright
 from wsim.kernels.rods.eliminate import Window, eliminating
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
 
-TINY = wp.constant(wp.float64(1e-30))
 _bend = bend()
 Bend, strains = _bend.Bend, _bend.strains
 
@@ -83,7 +82,8 @@ def push(S: Strands, w: Window, f: wp.vec3d, K: wp.mat33d, i: int, k: int):
 
 @wp.func
 def stretch(S: Strands, T: Trial, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
-    """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives."""
+    """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives, that of
+    the last correction: edges that turn are too long before the next one, of which tension would hold them fast."""
     one = wp.float64(1.0)
     tension = S.A[i, k] * (length - S.length[i, k])
     across = wp.max(T.pull[i, k] / wp.max(length, TINY), wp.float64(0.0))
@@ -220,9 +220,20 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
 
 
 @wp.func
+def pulled(S: Strands, e: wp.vec3d, z: wp.vec4d, i: int, k: int):
+    """Tension [N] that a correction gives an edge e, whose ends it moves apart by z."""
+    length = wp.length(e)
+    return S.A[i, k] * (length - S.length[i, k] + (e[0] * z[0] + e[1] * z[1] + e[2] * z[2]) / wp.max(length, TINY))
+
+
+@wp.func
 def take(S: Strands, T: Trial, part: wp.float64, k: int):
-    """Moves by a part of the corrections; directors go along with their edges."""
+    """Moves by a part of the corrections; directors go along with their edges. A part below 0 takes some of the last ones back."""
     n = S.points[k]
+    whole = wp.where(part < wp.float64(0.0), part, wp.float64(1.0))
+    if T.hit:
+        for i in range(n):
+            expect(T, i, k)
     x0 = T.x[0, k]
     z = T.z[0, k]
     y0 = x0 + wp.vec3d(z[0], z[1], z[2]) * part
@@ -232,8 +243,7 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
         z1 = T.z[i + 1, k]
         y1 = x1 + wp.vec3d(z1[0], z1[1], z1[2]) * part
         T.x[i + 1, k] = y1
-        l = wp.length(x1 - x0)
-        T.pull[i, k] = S.A[i, k] * (l - S.length[i, k] + wp.dot(x1 - x0, wp.vec3d(z1[0] - z[0], z1[1] - z[1], z1[2] - z[2])) / wp.max(l, TINY))
+        T.pull[i, k] = pulled(S, x1 - x0, (z1 - z) * whole, i, k)
         if S.clamped[i, k] == 0:
             t = wp.normalize(y1 - y0)
             angle = z[3] * part

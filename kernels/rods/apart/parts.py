@@ -3,7 +3,7 @@
 import warp as wp
 
 from wsim.kernels.rods.element import bend, spinning
-from wsim.kernels.rods.tables import Strands
+from wsim.kernels.rods.tables import Strands, Trial
 
 LANES = 4
 # Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air on that edge
@@ -28,6 +28,7 @@ class Parts:
     least: wp.array(dtype=wp.float64)               # shortest edge [m]
     before: wp.array(dtype=wp.float64)              # greatest correction of the iteration before [m]
     share: wp.array(dtype=wp.float64)               # of a correction that is taken
+    taken: wp.array(dtype=wp.float64)               # the same, of steps that are longer than the shortest edge less
     count: wp.array(dtype=int)                      # iterations
     on: wp.array(dtype=int)                         # 1: it goes on
     moved: wp.array(dtype=int)                      # 1: it has moved in this iteration
@@ -59,10 +60,10 @@ def keep_bend(S: Strands, A: Parts, i: int, k: int, f: Bend):
 
 
 @wp.func
-def keep_edge(S: Strands, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64):
+def keep_edge(S: Strands, T: Trial, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64):
     """Stores the tension of the edge behind a point."""
     tension = S.A[i, k] * (length - S.length[i, k])
-    across = wp.max(tension / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
+    across = wp.max(T.pull[i, k] / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
     keep(A.part, wp.static(EDGE), i, k, t)
     keep(A.part, wp.static(EDGE + 3), i, k, wp.vec3d(S.A[i, k] - across, across, tension))
 
