@@ -5,17 +5,18 @@ bristles (Cundall, Strack 1979).
                                                                      N = k (e + w)^2 / (4 w), else iterations go in and out
     F_t = -k s, |F_t| <= mu N,  s = what it has slid over the collider since it touched, cut back where it slips
 
-In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips, in the slip's direction
-less, as far as the last correction was short beside the slip, so that it won't turn back. The N of friction is that
-of the substep before, at most twice the present one (a point that is let go would keep it, and come back), or where there was
-none at most what stops the point and bears its weight, twice: one that an iteration leaves too deep would be thrown aside. The
-present one is what the last correction gives, N - k n . z, which is right before places are (`expect`).
-Friction is with the collider that a point is deepest in.
+In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips, along the slip less: as
+far as the last correction was short beside it, and won't turn it back. The N of friction is that of the substep before, at most
+twice the present one (a point that is let go would keep it, and come back), or where there was none at most what stops the
+point and bears its weight, twice: one that an iteration leaves too deep would be thrown aside. The present one is that of the
+last correction, N - k n . z, which is right before places are (`expect`). Friction is with the collider that a point is deepest
+in.
 
-A point that such a correction leaves pressed, but outside (strands turn, colliders are round), is drawn back by the tangent of N
-where N is what it is pressed with: let go it would dive in again, and be thrown out, by turns (active sets of multipliers:
-Hintermueller, Ito, Kunisch 2002). No substep ends while one is drawn. Colliders go straight from where they are at the start of a substep to
-where they are at its end.
+A point that a correction leaves pressed, but outside (strands turn, colliders are round), is drawn back by the tangent of N(e)
+where N is what it is pressed with: let go it would dive in again, and be thrown out, by turns (an active set by multipliers:
+Hintermueller, Ito, Kunisch 2002). No substep is solved while one is drawn.
+
+Colliders go straight from where they are at the start of a substep to where they are at its end.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -37,8 +38,8 @@ FIRM = wp.constant(wp.float64(0.03))
 SOFT = wp.constant(wp.float64(0.05))         # of a radius, at which a strand floats; less, and grazing points never settle
 TINY = wp.constant(wp.float64(1e-30))
 FAR = wp.constant(wp.float64(1e9))           # [m] farther than anything
-# corrections over the slip, times this: part of friction's stiffness along the slip that is kept. With all of it a slip settles by
-# a factor of 0.6, with nothing strands on a ball run in circles; 0.1 to 1 do
+# times a correction over the slip: part of friction's stiffness along the slip that is kept. All of it, and a slip settles by a
+# factor of 0.6 an iteration; nothing, and strands on a ball run in circles; 0.25 to 1 do
 SURE = wp.constant(wp.float64(0.25))
 
 
@@ -65,6 +66,26 @@ class Touch:
     N: wp.float64
 
 
+@wp.struct
+class Side:
+    """Collider that a point is deepest in, or nearest to: its normal, how deep [m], what was slid over it in the substep [m],
+    the normal times the stiffness [N/m] with the normal force [N]."""
+
+    c: int
+    n: wp.vec3d
+    deep: wp.float64
+    slid: wp.vec3d
+    hit: wp.vec4d
+
+
+@wp.func
+def press(stiff: wp.float64, w: wp.float64, deep: wp.float64):
+    """Normal force [N] of a point so deep, and its slope."""
+    e = wp.clamp(deep + w, wp.float64(0.0), w + w)
+    slope = stiff * e / (w + w)
+    return slope * wp.float64(0.5) * e + stiff * wp.max(deep - w, wp.float64(0.0)), slope
+
+
 @wp.func
 def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp.vec2d, along: wp.float64):
     """Friction of a bristle s across n, under the normal force N. along: stiffness of one that slips along its slip, over that
@@ -85,16 +106,26 @@ def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp
 
 
 @wp.func
-def draw(T: Trial, stiff: wp.float64, w: wp.float64, deep: wp.float64, i: int, k: int):
-    """Force on a point outside of a collider that the last correction leaves pressed (below 0: towards it), and its stiffness."""
+def bound(S: Strands, Q: Motion, n: wp.vec3d, N: wp.float64, hh: wp.float64, i: int, k: int):
+    """Normal force that friction goes by [N], of a point that is pressed with N."""
+    load = wp.min(Q.load[i, k], wp.float64(2.0) * N)
+    if load == wp.float64(0.0):
+        blow = wp.abs(wp.dot(n, Q.v[i, k])) / wp.sqrt(hh) + wp.length(S.gravity[k])
+        load = wp.min(N, wp.float64(2.0) * S.m[i, k] * blow)
+    return load
+
+
+@wp.func
+def draw(T: Trial, side: Side, stiff: wp.float64, w: wp.float64, i: int, k: int):
+    """`hit` of a point outside that the last correction leaves pressed; its force is below 0, towards the collider."""
     N = T.load[i, k]
     slope = stiff
     e = N / stiff
     if N < stiff * w:
         slope = wp.sqrt(stiff * N / w)
         e = wp.sqrt(wp.float64(4.0) * w * N / stiff) - w
-    wp.atomic_max(T.drawn, k, e - deep)
-    return N + slope * (deep - e), slope
+    wp.atomic_max(T.drawn, k, e - side.deep)
+    return wp.vec4d(side.n[0] * slope, side.n[1] * slope, side.n[2] * slope, N + slope * (side.deep - e))
 
 
 @wp.func
@@ -147,60 +178,45 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
     @wp.func
     def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
         found = Touch()
-        found.deep = wp.float64(0.0)
-        normal = wp.vec3d()
-        hit = wp.vec4d()
-        slid = wp.vec3d()
-        best = int(-1)
-        near = int(0)
-        close = -FAR
-        w = SOFT * S.radius[i, k]
+        side = Side()
+        side.deep = -FAR
         stiff = wp.max(STIFF * S.m[i, k] / hh, FIRM * S.A[wp.max(i - 1, 0), k])
+        w = SOFT * S.radius[i, k]
         x = T.x[i, k] + S.origin[k]
         for c in range(C.kind.shape[0]):
             frame = C.frame[at + 1, c]
             q = wp.transform_point(C.back[at + 1, c], x)
             phi, m = signed(C, c, q)
             deep = S.radius[i, k] + C.thick[c] - phi
+            N, slope = press(stiff, w, deep)
             n = wp.transform_vector(frame, m)
-            if deep > close and best < 0:
-                close = deep
-                near = c
-                normal = n
-                slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
-            if deep > -w:
-                e = wp.min(deep + w, w + w)
-                slope = stiff * e / (w + w)
-                N = slope * wp.float64(0.5) * e + stiff * wp.max(deep - w, wp.float64(0.0))
+            if N > found.N or (found.N == wp.float64(0.0) and deep > side.deep):
+                side.c = c
+                side.n = n
+                side.deep = deep
+                side.slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
+                side.hit = wp.vec4d(n[0] * slope, n[1] * slope, n[2] * slope, N)
+            if N > wp.float64(0.0):
                 found.f = found.f + n * N
                 found.K = found.K + wp.outer(n, n) * slope
                 if N > found.N:
                     found.deep = deep
                     found.N = N
-                    best = c
-                    normal = n
-                    slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
-                    hit = wp.vec4d(n[0] * slope, n[1] * slope, n[2] * slope, N)
         N = found.N
+        s = Q.stick[i, k] + side.slid
         along = wp.float64(1.0)
         if T.hit:
             if T.load[i, k] > wp.float64(0.0):
-                if best < 0:
-                    best = near
-                    pull, slope = draw(T, stiff, w, close, i, k)
-                    found.f = normal * pull
-                    found.K = wp.outer(normal, normal) * slope
-                    hit = wp.vec4d(normal[0] * slope, normal[1] * slope, normal[2] * slope, pull)
+                if N == wp.float64(0.0):
+                    side.hit = draw(T, side, stiff, w, i, k)
+                    found.f = side.n * side.hit[3]
+                    found.K = wp.outer(side.n, wp.vec3d(side.hit[0], side.hit[1], side.hit[2]))
                 N = T.load[i, k]
-            s = Q.stick[i, k] + slid
-            along = wp.min(along, SURE * T.step[i, k] / wp.max(wp.length(s - normal * wp.dot(normal, s)), TINY))
-            T.hit[i, k] = hit
-        if best >= 0:
-            load = wp.min(Q.load[i, k], wp.float64(2.0) * N)
-            if load == wp.float64(0.0):
-                blow = wp.abs(wp.dot(normal, Q.v[i, k])) / wp.sqrt(hh) + wp.length(S.gravity[k])
-                load = wp.min(N, wp.float64(2.0) * S.m[i, k] * blow)
-            found = rub(found, normal, Q.stick[i, k] + slid, load, stiff, C.friction[best, k], along)
+            along = wp.min(along, SURE * T.step[i, k] / wp.max(wp.length(s - side.n * wp.dot(side.n, s)), TINY))
+            T.hit[i, k] = side.hit
+        if N > wp.float64(0.0):
+            N = bound(S, Q, side.n, N, hh, i, k)
+            found = rub(found, side.n, s, N, stiff, C.friction[side.c, k], along)
         return found
 
     return SimpleNamespace(touch=touch, signed=signed, name="_".join(kinds))

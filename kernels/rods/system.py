@@ -82,8 +82,8 @@ def push(S: Strands, w: Window, f: wp.vec3d, K: wp.mat33d, i: int, k: int):
 
 @wp.func
 def stretch(S: Strands, T: Trial, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
-    """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives, that of
-    the last correction: edges that turn are too long before the next one, of which tension would hold them fast."""
+    """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives, that
+    of the last correction: edges that turn are too long before the next one, which would hold them fast."""
     one = wp.float64(1.0)
     tension = S.A[i, k] * (length - S.length[i, k])
     across = wp.max(T.pull[i, k] / wp.max(length, TINY), wp.float64(0.0))
@@ -228,7 +228,7 @@ def pulled(S: Strands, e: wp.vec3d, z: wp.vec4d, i: int, k: int):
 
 @wp.func
 def take(S: Strands, T: Trial, part: wp.float64, k: int):
-    """Moves by a part of the corrections; directors go along with their edges. A part below 0 takes some of the last ones back."""
+    """Moves by a part of the corrections; directors go along with their edges. A part below 0 takes back some of the last."""
     n = S.points[k]
     whole = wp.where(part < wp.float64(0.0), part, wp.float64(1.0))
     if T.hit:

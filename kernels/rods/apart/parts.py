@@ -21,7 +21,8 @@ class Parts:
     part (AIR or NUMBERS, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
     from EDGE on the tangent, stiffness along it less that across, that across [N/m], tension [N]; from BENT on strains less
     those at rest, their gradients by both edges and, as `spinning` has them, by the angles, all times the root of their
-    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; from AIR on half the force of the air [N], and the upper triangle of its stiffness [N/m]"""
+    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; from AIR on half the force of the air
+    [N], and the upper triangle of its stiffness [N/m]"""
 
     part: wp.array3d(dtype=wp.float64)
     factor: wp.array3d(dtype=wp.float64)            # (36, points, strands): near, far, right side

@@ -152,8 +152,8 @@ class Strands(Method):
     def _trial(self, together: bool) -> Any:
         """together: strands are solved for as others are."""
         two, device = (self.table.longest, self.table.strands), self.model.device
-        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "pull": wp.float64, "near": wp.mat44d, "far": wp.mat44d,
-                 "z": wp.vec4d}
+        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "pull": wp.float64,
+                 "near": wp.mat44d, "far": wp.mat44d, "z": wp.vec4d}
         more: dict = {}
         if self.obstacles.kinds and not together:
             types |= {"step": wp.float64, "load": wp.float64, "hit": wp.vec4d}
