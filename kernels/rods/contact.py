@@ -130,10 +130,19 @@ def draw(T: Trial, side: Side, stiff: wp.float64, w: wp.float64, i: int, k: int)
 
 @wp.func
 def expect(T: Trial, i: int, k: int):
-    """What a point's correction makes of its normal force, and how long it is."""
+    """What a point's correction makes of its normal force, and how long it is. Friction goes by that force, and moves what
+    makes it, at times to and fro: a change that turns back by more than half of the last is halved."""
     z = T.z[i, k]
     hit = T.hit[i, k]
-    T.load[i, k] = hit[3] - (hit[0] * z[0] + hit[1] * z[1] + hit[2] * z[2])
+    half = wp.float64(0.5)
+    N = hit[3] - (hit[0] * z[0] + hit[1] * z[1] + hit[2] * z[2])
+    old = T.load[i, k]
+    change = wp.where(N > wp.float64(0.0) and old > wp.float64(0.0), N - old, wp.float64(0.0))
+    last = T.change[i, k]
+    T.change[i, k] = change
+    if change * last < -half * last * last:
+        N = N - half * change
+    T.load[i, k] = N
     T.step[i, k] = wp.length(wp.vec3d(z[0], z[1], z[2]))
 
 
@@ -141,6 +150,7 @@ def expect(T: Trial, i: int, k: int):
 def forget(T: Trial, i: int, k: int):
     """A point that no correction has moved yet."""
     T.load[i, k] = wp.float64(0.0)
+    T.change[i, k] = wp.float64(0.0)
     T.step[i, k] = FAR
 
 
