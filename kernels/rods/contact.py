@@ -5,11 +5,18 @@ bristles (Cundall, Strack 1979).
                                                                      N = k (e + w)^2 / (4 w), else iterations go in and out
     F_t = -k s, |F_t| <= mu N,  s = what it has slid over the collider since it touched, cut back where it slips
 
-In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips. The N of friction is that
-of the substep before, at most twice the present one (a point that is let go would keep it, and come back), or where there was
-none at most what stops the point and bears its weight, twice: one that an iteration leaves too deep would be thrown aside.
-Friction is with the collider that a point is deepest in. Colliders go straight from where they are at the start of a substep to
-where they are at its end.
+In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips, along the slip less: as
+far as the last correction was short beside it, and won't turn it back. The N of friction is that of the substep before, at most
+twice the present one (a point that is let go would keep it, and come back), or where there was none at most what stops the
+point and bears its weight, twice: one that an iteration leaves too deep would be thrown aside. The present one is that of the
+last correction, N - k n . z, which is right before places are (`expect`). Friction is with the collider that a point is deepest
+in.
+
+A point that a correction leaves pressed, but outside (strands turn, colliders are round), is drawn back by the tangent of N(e)
+where N is what it is pressed with: let go it would dive in again, and be thrown out, by turns (an active set by multipliers:
+Hintermueller, Ito, Kunisch 2002). No substep is solved while one is drawn.
+
+Colliders go straight from where they are at the start of a substep to where they are at its end.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -29,7 +36,11 @@ STIFF = wp.constant(wp.float64(30.0))        # a point at rest sinks by g h^2 / 
 # edges, and iterations let points in and out by turns: of 40 hairs on a shaken ball 26 were left unsolved in a frame; so, none
 FIRM = wp.constant(wp.float64(0.03))
 SOFT = wp.constant(wp.float64(0.05))         # of a radius, at which a strand floats; less, and grazing points never settle
+TINY = wp.constant(wp.float64(1e-30))
 FAR = wp.constant(wp.float64(1e9))           # [m] farther than anything
+# times a correction over the slip: part of friction's stiffness along the slip that is kept. All of it, and a slip settles by a
+# factor of 0.6 an iteration; nothing, and strands on a ball run in circles; 0.25 to 1 do
+SURE = wp.constant(wp.float64(0.25))
 
 
 @wp.struct
@@ -55,6 +66,26 @@ class Touch:
     N: wp.float64
 
 
+@wp.struct
+class Side:
+    """Collider that a point is deepest in, or nearest to: its normal, how deep [m], what was slid over it in the substep [m],
+    the normal times the stiffness [N/m] with the normal force [N]."""
+
+    c: int
+    n: wp.vec3d
+    deep: wp.float64
+    slid: wp.vec3d
+    hit: wp.vec4d
+
+
+@wp.func
+def press(stiff: wp.float64, w: wp.float64, deep: wp.float64):
+    """Normal force [N] of a point so deep, and its slope."""
+    e = wp.clamp(deep + w, wp.float64(0.0), w + w)
+    slope = stiff * e / (w + w)
+    return slope * wp.float64(0.5) * e + stiff * wp.max(deep - w, wp.float64(0.0)), slope
+
+
 @wp.func
 def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp.vec2d, along: wp.float64):
     """Friction of a bristle s across n, under the normal force N. along: stiffness of one that slips along its slip, over that
@@ -72,6 +103,55 @@ def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp
         t.K = t.K + across * k
         t.s = b
     return t
+
+
+@wp.func
+def bound(S: Strands, Q: Motion, n: wp.vec3d, N: wp.float64, hh: wp.float64, i: int, k: int):
+    """Normal force that friction goes by [N], of a point that is pressed with N."""
+    load = wp.min(Q.load[i, k], wp.float64(2.0) * N)
+    if load == wp.float64(0.0):
+        blow = wp.abs(wp.dot(n, Q.v[i, k])) / wp.sqrt(hh) + wp.length(S.gravity[k])
+        load = wp.min(N, wp.float64(2.0) * S.m[i, k] * blow)
+    return load
+
+
+@wp.func
+def draw(T: Trial, side: Side, stiff: wp.float64, w: wp.float64, i: int, k: int):
+    """`hit` of a point outside that the last correction leaves pressed; its force is below 0, towards the collider."""
+    N = T.load[i, k]
+    slope = stiff
+    e = N / stiff
+    if N < stiff * w:
+        slope = wp.sqrt(stiff * N / w)
+        e = wp.sqrt(wp.float64(4.0) * w * N / stiff) - w
+    wp.atomic_max(T.drawn, k, e - side.deep)
+    return wp.vec4d(side.n[0] * slope, side.n[1] * slope, side.n[2] * slope, N + slope * (side.deep - e))
+
+
+@wp.func
+def expect(T: Trial, i: int, k: int):
+    """What a point's correction makes of its normal force, and how long it is. Friction goes by that force, and moves what
+    makes it, at times to and fro: a change that turns back by more than half of the last is halved."""
+    z = T.z[i, k]
+    hit = T.hit[i, k]
+    half = wp.float64(0.5)
+    N = hit[3] - (hit[0] * z[0] + hit[1] * z[1] + hit[2] * z[2])
+    old = T.load[i, k]
+    change = wp.where(N > wp.float64(0.0) and old > wp.float64(0.0), N - old, wp.float64(0.0))
+    last = T.change[i, k]
+    T.change[i, k] = change
+    if change * last < -half * last * last:
+        N = N - half * change
+    T.load[i, k] = N
+    T.step[i, k] = wp.length(wp.vec3d(z[0], z[1], z[2]))
+
+
+@wp.func
+def forget(T: Trial, i: int, k: int):
+    """A point that no correction has moved yet."""
+    T.load[i, k] = wp.float64(0.0)
+    T.change[i, k] = wp.float64(0.0)
+    T.step[i, k] = FAR
 
 
 @cache
@@ -108,38 +188,45 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
     @wp.func
     def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
         found = Touch()
-        found.deep = wp.float64(0.0)
-        normal = wp.vec3d()
-        slid = wp.vec3d()
-        best = int(-1)
+        side = Side()
+        side.deep = -FAR
         stiff = wp.max(STIFF * S.m[i, k] / hh, FIRM * S.A[wp.max(i - 1, 0), k])
+        w = SOFT * S.radius[i, k]
         x = T.x[i, k] + S.origin[k]
         for c in range(C.kind.shape[0]):
             frame = C.frame[at + 1, c]
             q = wp.transform_point(C.back[at + 1, c], x)
             phi, m = signed(C, c, q)
             deep = S.radius[i, k] + C.thick[c] - phi
-            w = SOFT * S.radius[i, k]
-            if deep > -w:
-                n = wp.transform_vector(frame, m)
-                e = wp.min(deep + w, w + w)
-                slope = stiff * e / (w + w)
-                N = slope * wp.float64(0.5) * e + stiff * wp.max(deep - w, wp.float64(0.0))
+            N, slope = press(stiff, w, deep)
+            n = wp.transform_vector(frame, m)
+            if N > found.N or (found.N == wp.float64(0.0) and deep > side.deep):
+                side.c = c
+                side.n = n
+                side.deep = deep
+                side.slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
+                side.hit = wp.vec4d(n[0] * slope, n[1] * slope, n[2] * slope, N)
+            if N > wp.float64(0.0):
                 found.f = found.f + n * N
                 found.K = found.K + wp.outer(n, n) * slope
                 if N > found.N:
                     found.deep = deep
                     found.N = N
-                    best = c
-                    normal = n
-                    slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
-        if best >= 0:
-            load = wp.min(Q.load[i, k], wp.float64(2.0) * found.N)
-            if load == wp.float64(0.0):
-                blow = wp.abs(wp.dot(normal, Q.v[i, k])) / wp.sqrt(hh) + wp.length(S.gravity[k])
-                load = wp.min(found.N, wp.float64(2.0) * S.m[i, k] * blow)
-            found = rub(found, normal, Q.stick[i, k] + slid, load, stiff, C.friction[best, k],
-                        wp.float64(1.0))
+        N = found.N
+        s = Q.stick[i, k] + side.slid
+        along = wp.float64(1.0)
+        if T.hit:
+            if T.load[i, k] > wp.float64(0.0):
+                if N == wp.float64(0.0):
+                    side.hit = draw(T, side, stiff, w, i, k)
+                    found.f = side.n * side.hit[3]
+                    found.K = wp.outer(side.n, wp.vec3d(side.hit[0], side.hit[1], side.hit[2]))
+                N = T.load[i, k]
+            along = wp.min(along, SURE * T.step[i, k] / wp.max(wp.length(s - side.n * wp.dot(side.n, s)), TINY))
+            T.hit[i, k] = side.hit
+        if N > wp.float64(0.0):
+            N = bound(S, Q, side.n, N, hh, i, k)
+            found = rub(found, side.n, s, N, stiff, C.friction[side.c, k], along)
         return found
 
     return SimpleNamespace(touch=touch, signed=signed, name="_".join(kinds))

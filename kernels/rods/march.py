@@ -11,7 +11,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.contact import Colliders, Touch, touching
+from wsim.kernels.rods.contact import Colliders, Touch, forget, touching
 from wsim.kernels.rods.element import transport, turned, twist, upright
 from wsim.kernels.rods.eliminate import backward
 from wsim.kernels.rods.system import forward, memory, take
@@ -21,6 +21,7 @@ TOLERANCE = wp.constant(wp.float64(1e-6))    # last correction over the shortest
 MOST = wp.constant(50)                       # iterations; what is left then is told (wsim/physics/rods/method.py)
 CALM = wp.constant(wp.float64(0.05))         # part of a full step's gain below which the next step is halved, down to LEAST
 LEAST = wp.constant(wp.float64(0.125))
+EARLY = wp.constant(8)                       # iterations that take full steps: they find what touches, corrections may grow
 
 
 @wp.func
@@ -38,8 +39,11 @@ def begin_point(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: in
     """A first guess of a point, and of the edge behind it."""
     x = guess(S, H, Q, h, at, i, k)
     T.x[i, k] = x
+    if T.hit:
+        forget(T, i, k)
     if i + 1 < S.points[k]:
         T.phi[i, k] = Q.phi[i, k]
+        T.pull[i, k] = S.A[i, k] * (wp.length(Q.x[i + 1, k] - Q.x[i, k]) - S.length[i, k])
         t = wp.normalize(guess(S, H, Q, h, at, i + 1, k) - x)
         old = wp.normalize(Q.x[i + 1, k] - Q.x[i, k])
         if S.clamped[i, k] == 1:
@@ -58,6 +62,14 @@ def begin(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: int, k: 
     """A first guess of a strand."""
     for i in range(S.points[k]):
         begin_point(S, H, Q, T, h, at, i, k)
+
+
+@wp.func
+def eased(share: wp.float64, z: wp.float64, before: wp.float64, count: int):
+    """Part of a step that is taken, after corrections of z behind those of before."""
+    if count >= EARLY and z > (wp.float64(1.0) - CALM * share) * before:
+        return wp.max(wp.float64(0.5) * share, LEAST)
+    return wp.min(wp.float64(2.0) * share, wp.float64(1.0))
 
 
 @wp.func
@@ -82,6 +94,8 @@ def finish_point(kinds: tuple[str, ...]):
         begun = int(1)
         if wp.static(meets):
             t = Touch()
+            if T.hit:
+                forget(T, i, k)
             if S.hold[i, k] < 0:
                 t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
             Q.stick[i, k] = t.s
@@ -140,20 +154,22 @@ def strands(kinds: tuple[str, ...], airy: bool, module: str):
             z = short
             before = short
             share = wp.float64(1.0)
+            off = z
             count = int(0)
-            while count < MOST and z > TOLERANCE * short:
+            while count < MOST and off > TOLERANCE * short:
                 assemble(S, C, Q, T, p, k)
                 z = backward(S, T, k)
-                if z > (wp.float64(1.0) - CALM * share) * before:
-                    share = wp.max(wp.float64(0.5) * share, LEAST)
-                else:
-                    share = wp.min(wp.float64(2.0) * share, wp.float64(1.0))
+                off = z
+                if T.hit:
+                    off = wp.max(z, T.drawn[k])
+                    T.drawn[k] = wp.float64(0.0)
+                share = eased(share, z, before, count)
                 take(S, T, share * wp.min(wp.float64(1.0), short / wp.max(z, short * wp.float64(1e-12))), k)
                 before = z
                 count += 1
             deep = wp.max(deep, end(S, C, Q, T, p, k))
             most = wp.max(most, count)
-            left = wp.max(left, z / short)
+            left = wp.max(left, off / short)
         said[k, 0] = wp.float64(most)
         said[k, 1] = left
         said[k, 2] = deep

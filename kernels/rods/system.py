@@ -5,9 +5,8 @@
 
 Strains of a point know three points in a row, so that K has two blocks beside its diagonal; blocks are 4 x 4 (a point, and the
 angle of the edge behind it), eliminated from the first to the last without pivoting: K is positive definite. What Gauss and
-Newton leave out (strain times its second derivative) changes how fast iterations converge, not where to; of it only what turns
-of edges about themselves add to their own stiffness is taken, where that is positive: of rods that are pulled straight it is
-most.
+Newton leave out (strain times its second derivative) changes how fast iterations converge, not where to; of it what turns of
+edges about themselves change is taken (`element.spinning`): of rods that are bent, or pulled straight, it is most.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -18,12 +17,11 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.air import blow, velocity
-from wsim.kernels.rods.contact import Colliders, touching
-from wsim.kernels.rods.element import bend, transport, turned, upright
+from wsim.kernels.rods.contact import TINY, Colliders, expect, touching
+from wsim.kernels.rods.element import bend, spinning, transport, turned, upright
 from wsim.kernels.rods.eliminate import Window, eliminating
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
 
-TINY = wp.constant(wp.float64(1e-30))
 _bend = bend()
 Bend, strains = _bend.Bend, _bend.strains
 
@@ -83,11 +81,12 @@ def push(S: Strands, w: Window, f: wp.vec3d, K: wp.mat33d, i: int, k: int):
 
 
 @wp.func
-def stretch(S: Strands, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
-    """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives."""
+def stretch(S: Strands, T: Trial, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
+    """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives, that
+    of the last correction: edges that turn are too long before the next one, which would hold them fast."""
     one = wp.float64(1.0)
     tension = S.A[i, k] * (length - S.length[i, k])
-    across = wp.max(tension / wp.max(length, TINY), wp.float64(0.0))
+    across = wp.max(T.pull[i, k] / wp.max(length, TINY), wp.float64(0.0))
     H = wp.outer(t, t) * (S.A[i, k] - across) + wp.identity(n=3, dtype=wp.float64) * across
     free0 = wp.where(S.hold[i, k] < 0, one, one - one)
     free1 = wp.where(S.hold[i + 1, k] < 0, one, one - one)
@@ -112,15 +111,17 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
     free2 = wp.where(S.hold[i + 1, k] < 0, wp.float64(1.0), zero)
     spin0 = wp.where(S.clamped[i - 1, k] == 0, wp.float64(1.0), zero)
     spin1 = wp.where(S.clamped[i, k] == 0, wp.float64(1.0), zero)
+    turn = spinning(f.s, S.rest[i, k])
     m = int(3)
     for c in range(m):
         q = wp.where(c < 2, S.B[i, k], S.C[i, k])
-        g0 = split(f.a[c] * -free0, f.u[c] * spin0)
-        g1 = split((f.a[c] - f.b[c]) * free1, f.w[c] * spin1)
+        u = wp.where(c < 2, turn[c], wp.float64(1.0))
+        g0 = split(f.a[c] * -free0, wp.where(c < 2, u, -u) * spin0)
+        g1 = split((f.a[c] - f.b[c]) * free1, u * spin1)
         g2 = split(f.b[c] * free2, zero)
         s = (f.s[c] - S.rest[i, k][c]) * q
-        w.r0 = w.r0 - g0 * s
-        w.r1 = w.r1 - g1 * s
+        w.r0 = w.r0 - split(f.a[c] * -free0, f.u[c] * spin0) * s
+        w.r1 = w.r1 - split((f.a[c] - f.b[c]) * free1, f.w[c] * spin1) * s
         w.r2 = w.r2 - g2 * s
         w.D0 = w.D0 + wp.outer(g0, g0) * q
         w.D1 = w.D1 + wp.outer(g1, g1) * q
@@ -128,10 +129,8 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
         w.P = w.P + wp.outer(g0, g1) * q
         w.N = w.N + wp.outer(g1, g2) * q
         w.F = w.F + wp.outer(g0, g2) * q
-    a = (f.s[0] - S.rest[i, k][0]) * S.B[i, k]
-    b = (f.s[1] - S.rest[i, k][1]) * S.B[i, k]
-    w.D0[3, 3] = w.D0[3, 3] + wp.max(a * f.u[1] - b * f.u[0], zero) * spin0
-    w.D1[3, 3] = w.D1[3, 3] + wp.max(a * f.w[1] - b * f.w[0], zero) * spin1
+    w.D0[3, 3] = w.D0[3, 3] + S.B[i, k] * turn[2] * spin0
+    w.D1[3, 3] = w.D1[3, 3] + S.B[i, k] * turn[2] * spin1
     return w
 
 
@@ -199,7 +198,7 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
             w.D2 = D
             w.r2 = r
             if i >= 0 and i + 1 < n:
-                w = stretch(S, w, t0, l0, i, k)
+                w = stretch(S, T, w, t0, l0, i, k)
                 if wp.static(airy):
                     f, K = blow(S, Q, T, p, i, k)
                     w = push(S, w, f, K, i, k)
@@ -221,9 +220,20 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
 
 
 @wp.func
+def pulled(S: Strands, e: wp.vec3d, z: wp.vec4d, i: int, k: int):
+    """Tension [N] that a correction gives an edge e, whose ends it moves apart by z."""
+    length = wp.length(e)
+    return S.A[i, k] * (length - S.length[i, k] + (e[0] * z[0] + e[1] * z[1] + e[2] * z[2]) / wp.max(length, TINY))
+
+
+@wp.func
 def take(S: Strands, T: Trial, part: wp.float64, k: int):
-    """Moves by a part of the corrections; directors go along with their edges."""
+    """Moves by a part of the corrections; directors go along with their edges. A part below 0 takes back some of the last."""
     n = S.points[k]
+    whole = wp.where(part < wp.float64(0.0), part, wp.float64(1.0))
+    if T.hit:
+        for i in range(n):
+            expect(T, i, k)
     x0 = T.x[0, k]
     z = T.z[0, k]
     y0 = x0 + wp.vec3d(z[0], z[1], z[2]) * part
@@ -233,6 +243,7 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
         z1 = T.z[i + 1, k]
         y1 = x1 + wp.vec3d(z1[0], z1[1], z1[2]) * part
         T.x[i + 1, k] = y1
+        T.pull[i, k] = pulled(S, x1 - x0, (z1 - z) * whole, i, k)
         if S.clamped[i, k] == 0:
             t = wp.normalize(y1 - y0)
             angle = z[3] * part

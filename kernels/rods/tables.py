@@ -62,6 +62,12 @@ class Trial:
     d: wp.array2d(dtype=wp.vec3d)
     phi: wp.array2d(dtype=wp.float64)
     turn: wp.array2d(dtype=wp.float64)              # of edges about their tangents in this substep [rad]
+    pull: wp.array2d(dtype=wp.float64)              # tension of edges, as the last correction had it [N]
+    step: wp.array2d(dtype=wp.float64)              # length of a point's last correction [m]; this and four more where strands
+    load: wp.array2d(dtype=wp.float64)              # meet colliders, and nothing else: normal force as that had it [N]
+    change: wp.array2d(dtype=wp.float64)            # how much that changed it [N]
+    hit: wp.array2d(dtype=wp.vec4d)                 # normal of a contact times its stiffness [N/m], and its normal force [N]
+    drawn: wp.array(dtype=wp.float64)               # how far a point of a strand is off the collider it is drawn to [m]
     near: wp.array2d(dtype=wp.mat44d)               # factor towards the next point
     far: wp.array2d(dtype=wp.mat44d)                # towards the one behind it
     z: wp.array2d(dtype=wp.vec4d)                   # right-hand side, then correction

@@ -25,6 +25,7 @@ from wsim.kernels.rods.apart.parts import (
     SPINS,
     STEPS,
     SYMMETRIC,
+    TORQUES,
     Parts,
 )
 from wsim.kernels.rods.tables import Trial
@@ -128,15 +129,18 @@ def strain(at: int, c: int, w: Window, lane: int):
     d = (a - b) * w.m1[0]
     a = a * -w.m0[0]
     b = b * w.m2[0]
-    g0 = wp.vec4d(a[0], a[1], a[2], got(at, wp.static(SPINS) + c) * w.m0[1])
-    g1 = wp.vec4d(d[0], d[1], d[2], got(at, wp.static(SPINS + 3) + c) * w.m1[1])
+    spin = got(at, wp.static(SPINS) + c)
+    f0 = wp.vec4d(a[0], a[1], a[2], wp.float64(0.0))
+    f1 = wp.vec4d(d[0], d[1], d[2], wp.float64(0.0))
+    g0 = f0 + wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.where(c < 2, spin, -spin) * w.m0[1])
+    g1 = f1 + wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), spin * w.m1[1])
     g2 = wp.vec4d(b[0], b[1], b[2], wp.float64(0.0))
     p0 = pick(g0, lane)
     p1 = pick(g1, lane)
     p2 = pick(g2, lane)
     s = got(at, wp.static(OFF) + c)
-    w.r0 = w.r0 - g0 * s
-    w.r1 = w.r1 - g1 * s
+    w.r0 = w.r0 - f0 * s
+    w.r1 = w.r1 - f1 * s
     w.r2 = w.r2 - g2 * s
     w.D0 = w.D0 + g0 * p0
     w.D1 = w.D1 + g1 * p1
@@ -153,8 +157,11 @@ def eliminated(A: Parts, w: Window, at: int, i: int, k: int, lane: int):
     zero = wp.float64(0.0)
     for c in range(wp.static(3)):
         w = strain(at, c, w, lane)
-    w.D0 = w.D0 + wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN)), zero) * w.m0[1])
-    w.D1 = w.D1 + wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN + 1)), zero) * w.m1[1])
+    own = wp.vec4d(zero, zero, zero, wp.where(lane == 3, got(at, wp.static(OWN)), zero))
+    w.D0 = w.D0 + own * w.m0[1]
+    w.D1 = w.D1 + own * w.m1[1]
+    w.r0 = w.r0 + wp.vec4d(zero, zero, zero, got(at, wp.static(TORQUES)) * w.m0[1])
+    w.r1 = w.r1 + wp.vec4d(zero, zero, zero, got(at, wp.static(TORQUES + 1)) * w.m1[1])
     f = factors(whole(w.D0))
     L1 = solved(f, w.P)
     L2 = solved(f, w.F)

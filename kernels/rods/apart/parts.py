@@ -2,14 +2,14 @@
 
 import warp as wp
 
-from wsim.kernels.rods.element import bend
-from wsim.kernels.rods.tables import Strands
+from wsim.kernels.rods.element import bend, spinning
+from wsim.kernels.rods.tables import Strands, Trial
 
 LANES = 4
 # Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air on that edge
 SYMMETRIC, LAST, RIGHT, FREE = 0, 6, 7, 11   # upper triangle of its block, by rows; the angle's; right side; 1: free, it spins
-EDGE, BENT, AIR, NUMBERS = 13, 19, 48, 57
-OFF, SLOPES, SPINS, OWN = BENT, BENT + 3, BENT + 21, BENT + 27      # of a bend
+EDGE, BENT, AIR, NUMBERS = 13, 19, 46, 55
+OFF, SLOPES, SPINS, OWN, TORQUES = BENT, BENT + 3, BENT + 21, BENT + 24, BENT + 25      # of a bend
 STEPS = 5                        # of points whose numbers are under way from memory
 Bend = bend().Bend
 
@@ -20,14 +20,16 @@ class Parts:
 
     part (AIR or NUMBERS, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
     from EDGE on the tangent, stiffness along it less that across, that across [N/m], tension [N]; from BENT on strains less
-    those at rest, their gradients by both edges and both angles, all times the root of their stiffness, and what turns add to
-    the angles' own stiffness [N m]; from AIR on half the force of the air [N], and the upper triangle of its stiffness [N/m]"""
+    those at rest, their gradients by both edges and, as `spinning` has them, by the angles, all times the root of their
+    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; from AIR on half the force of the air
+    [N], and the upper triangle of its stiffness [N/m]"""
 
     part: wp.array3d(dtype=wp.float64)
     factor: wp.array3d(dtype=wp.float64)            # (36, points, strands): near, far, right side
     least: wp.array(dtype=wp.float64)               # shortest edge [m]
     before: wp.array(dtype=wp.float64)              # greatest correction of the iteration before [m]
     share: wp.array(dtype=wp.float64)               # of a correction that is taken
+    taken: wp.array(dtype=wp.float64)               # the same, of steps that are longer than the shortest edge less
     count: wp.array(dtype=int)                      # iterations
     on: wp.array(dtype=int)                         # 1: it goes on
     moved: wp.array(dtype=int)                      # 1: it has moved in this iteration
@@ -51,18 +53,18 @@ def keep_bend(S: Strands, A: Parts, i: int, k: int, f: Bend):
     for c in range(wp.static(3)):
         keep(A.part, wp.static(SLOPES) + 3 * c, i, k, f.a[c] * q[c])
         keep(A.part, wp.static(SLOPES + 9) + 3 * c, i, k, f.b[c] * q[c])
-    keep(A.part, wp.static(SPINS), i, k, wp.cw_mul(f.u, q))
-    keep(A.part, wp.static(SPINS + 3), i, k, wp.cw_mul(f.w, q))
-    zero = wp.float64(0.0)
-    A.part[wp.static(OWN), i, k] = wp.max(B * (off[0] * f.u[1] - off[1] * f.u[0]), zero)
-    A.part[wp.static(OWN + 1), i, k] = wp.max(B * (off[0] * f.w[1] - off[1] * f.w[0]), zero)
+    turn = spinning(f.s, S.rest[i, k])
+    keep(A.part, wp.static(SPINS), i, k, wp.vec3d(B * turn[0], B * turn[1], q[2]))
+    A.part[wp.static(OWN), i, k] = B * B * turn[2]
+    A.part[wp.static(TORQUES), i, k] = -wp.dot(off, wp.cw_mul(f.u, q))
+    A.part[wp.static(TORQUES + 1), i, k] = -wp.dot(off, wp.cw_mul(f.w, q))
 
 
 @wp.func
-def keep_edge(S: Strands, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64):
+def keep_edge(S: Strands, T: Trial, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64):
     """Stores the tension of the edge behind a point."""
     tension = S.A[i, k] * (length - S.length[i, k])
-    across = wp.max(tension / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
+    across = wp.max(T.pull[i, k] / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
     keep(A.part, wp.static(EDGE), i, k, t)
     keep(A.part, wp.static(EDGE + 3), i, k, wp.vec3d(S.A[i, k] - across, across, tension))
 

@@ -16,10 +16,10 @@ from wsim.kernels.rods.air import blow
 from wsim.kernels.rods.apart.desk import meet
 from wsim.kernels.rods.apart.lanes import eliminating
 from wsim.kernels.rods.apart.parts import AIR, LANES, LAST, RIGHT, SYMMETRIC, Parts, keep, keep_bend, keep_edge, keep_symmetric
-from wsim.kernels.rods.contact import Colliders
+from wsim.kernels.rods.contact import Colliders, expect
 from wsim.kernels.rods.element import transport, turned, upright
-from wsim.kernels.rods.march import CALM, LEAST, MOST, TOLERANCE, begin_point, finish_point
-from wsim.kernels.rods.system import TINY, pointing, strains
+from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
+from wsim.kernels.rods.system import TINY, pointing, pulled, strains
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 GOING = 0                        # the word that says whether a strand goes on
@@ -30,6 +30,7 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
     """Kernels over points (tid: point number * strands + strand) or strands: begin a substep (points), measure (points), solve
     (strand * LANES + lane), take (points), end (points). said: as `march.strands` has it. kinds: of colliders. airy: with
     air."""
+    meets = bool(kinds)
     point, eliminate, end = pointing(kinds, airy, False), eliminating(airy), finish_point(kinds)
 
     @wp.kernel(enable_backward=False, module=module)
@@ -70,7 +71,7 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
             e = T.x[i + 1, k] - T.x[i, k]
             length = wp.length(e)
             t = e / wp.max(length, TINY)
-            keep_edge(S, A, i, k, t, length)
+            keep_edge(S, T, A, i, k, t, length)
             if wp.static(airy):
                 gust, damp = blow(S, Q, T, p, i, k)
                 keep(A.part, wp.static(AIR), i, k, gust)
@@ -97,22 +98,24 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         n = S.points[k]
         z = eliminate(T, A, n, lane, k)
         short = A.least[k]
-        share = A.share[k]
-        if z > (wp.float64(1.0) - CALM * share) * A.before[k]:
-            share = wp.max(wp.float64(0.5) * share, LEAST)
-        else:
-            share = wp.min(wp.float64(2.0) * share, wp.float64(1.0))
+        share = eased(A.share[k], z, A.before[k], A.count[k])
         part = share * wp.min(wp.float64(1.0), short / wp.max(z, short * wp.float64(1e-12)))
         meet()
         for j in range((n + wp.static(LANES - 1)) / wp.static(LANES)):
             i = j * wp.static(LANES) + lane
             if i < n:
+                if wp.static(meets):
+                    expect(T, i, k)
                 s = T.z[i, k] * part
                 T.z[i, k] = s
                 T.x[i, k] = T.x[i, k] + wp.vec3d(s[0], s[1], s[2])
         if lane == 0:
             A.share[k] = share
+            A.taken[k] = part
             A.before[k] = z
+            if wp.static(meets):
+                z = wp.max(z, T.drawn[k])
+                T.drawn[k] = wp.float64(0.0)
             count = A.count[k] + 1
             A.count[k] = count
             if count < MOST and z > TOLERANCE * short:
@@ -129,11 +132,12 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         k = wp.tid() % m
         if A.moved[k] == 0 or i + 1 >= S.points[k]:
             return
+        z0 = T.z[i, k]
+        z1 = T.z[i + 1, k]
+        e = T.x[i + 1, k] - T.x[i, k]
+        old = e - (wp.vec3d(z1[0], z1[1], z1[2]) - wp.vec3d(z0[0], z0[1], z0[2]))
+        T.pull[i, k] = pulled(S, old, (z1 - z0) / A.taken[k], i, k)
         if S.clamped[i, k] == 0:
-            z0 = T.z[i, k]
-            z1 = T.z[i + 1, k]
-            e = T.x[i + 1, k] - T.x[i, k]
-            old = e - (wp.vec3d(z1[0], z1[1], z1[2]) - wp.vec3d(z0[0], z0[1], z0[2]))
             t = wp.normalize(e)
             T.d[i, k] = turned(t, upright(t, transport(wp.normalize(old), t, T.d[i, k])), z0[3])
             T.turn[i, k] = T.turn[i, k] + z0[3]

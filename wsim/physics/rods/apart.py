@@ -32,7 +32,7 @@ class Apart:
             Parts, part=wp.array(part, dtype=wp.float64, device=device),
             factor=wp.zeros((2 * LANES**2 + LANES, table.longest, m), dtype=wp.float64, device=device),
             least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
-            **{name: wp.zeros(m, dtype=wp.float64, device=device) for name in ("before", "share")},
+            **{name: wp.zeros(m, dtype=wp.float64, device=device) for name in ("before", "share", "taken")},
             **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "on", "moved")})
         self.words = wp.zeros(1, dtype=int, device=device)
 

@@ -81,7 +81,7 @@ class Strands(Method):
         b.model.modules[own] = THREADS
         self._allocate(b, meeting, bearing)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
-        self.trial = self._trial()
+        self.trial = self._trial(together)
         self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
         self.touching: Any = None
         if together:
@@ -149,11 +149,16 @@ class Strands(Method):
         two = (self.table.longest, self.table.strands)
         return filled(tables.Motion, **{f.name: self.part.arrays[f.name].reshape(two) for f in FIELDS})
 
-    def _trial(self) -> Any:
+    def _trial(self, together: bool) -> Any:
+        """together: strands are solved for as others are."""
         two, device = (self.table.longest, self.table.strands), self.model.device
-        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "near": wp.mat44d, "far": wp.mat44d,
-                 "z": wp.vec4d}
-        return filled(tables.Trial, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
+        types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "pull": wp.float64,
+                 "near": wp.mat44d, "far": wp.mat44d, "z": wp.vec4d}
+        more: dict = {}
+        if self.obstacles.kinds and not together:
+            types |= {"step": wp.float64, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d}
+            more = {"drawn": wp.zeros(self.table.strands, dtype=wp.float64, device=device)}
+        return filled(tables.Trial, **more, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
 
     def weigh(self, gravity: np.ndarray) -> None:
         """Sets gravity (worlds, 3) [m/s^2]."""
