@@ -50,6 +50,16 @@ def meet():
     ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __syncwarp();
+#endif
+""")
+def gather():
+    """All threads of a warp wait for each other; what each wrote is seen by all."""
+    ...
+
+
 @wp.func_native(f"""
 #if defined(__CUDA_ARCH__)
     __shared__ double room[8 * {STEPS * NUMBERS}];

@@ -30,9 +30,13 @@ class Parts:
     before: wp.array(dtype=wp.float64)              # greatest correction of the iteration before [m]
     share: wp.array(dtype=wp.float64)               # of a correction that is taken
     taken: wp.array(dtype=wp.float64)               # the same, of steps that are longer than the shortest edge less
-    count: wp.array(dtype=int)                      # iterations
-    on: wp.array(dtype=int)                         # 1: it goes on
+    count: wp.array(dtype=int)                      # iterations of its substep
+    at: wp.array(dtype=int)                         # its substep
+    on: wp.array(dtype=int)                         # 1: it has substeps to solve
+    done: wp.array(dtype=int)                       # 1: it has solved one in this iteration
     moved: wp.array(dtype=int)                      # 1: it has moved in this iteration
+    h: wp.float64                                   # length of a substep [s]
+    substeps: int                                   # of a frame
 
 
 @wp.func

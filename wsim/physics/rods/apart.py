@@ -1,5 +1,5 @@
-"""Substeps of strands on a GPU: a launch for each part of an iteration (kernels/rods/apart). On a CPU strands march in one
-launch, see method.py."""
+"""Frames of strands on a GPU: a launch for each part of an iteration, and one for the last few strands (kernels/rods/apart).
+On a CPU strands march in one launch, see method.py."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rods.apart.parts import AIR, FREE, LANES, LAST, NUMBERS, Parts
-from wsim.kernels.rods.apart.steps import apart
+from wsim.kernels.rods.apart.steps import WARP, apart
 from wsim.model.stage import Clock
 from wsim.model.structs import filled
 
 if TYPE_CHECKING:
     from wsim.physics.rods.method import Strands
 
+FEW = 1500                       # strands that a warp each finishes: as many as have room at once
+
 
 class Apart:
     def __init__(self, strands: Strands, module: str, device):
         self.strands, table, self.device = strands, strands.table, device
-        self.begin, self.measure, self.solve, self.take, self.end = apart(strands.obstacles.kinds, strands.airy, module)
+        self.begin, self.measure, self.solve, self.take, self.finish = apart(strands.obstacles.kinds, strands.airy, module)
         m, part = table.strands, np.zeros((NUMBERS if strands.airy else AIR, table.longest + 2, table.strands))
         end = np.arange(table.longest + 2)[:, None] >= table.counts
         for k in (0, 3, 5, LAST):                        # the diagonal
@@ -33,24 +35,31 @@ class Apart:
             factor=wp.zeros((2 * LANES**2 + LANES, table.longest, m), dtype=wp.float64, device=device),
             least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
             **{name: wp.zeros(m, dtype=wp.float64, device=device) for name in ("before", "share", "taken")},
-            **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "on", "moved")})
-        self.words = wp.zeros(1, dtype=int, device=device)
+            **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "at", "on", "done", "moved")})
+        self.words = wp.zeros(2, dtype=int, device=device)
+        self.going = self.words[:1]
 
-    def each(self, kernel, inputs: list, outputs: list, points: bool = True) -> None:
+    def each(self, kernel, inputs: list, outputs: list, threads: int = 0) -> None:
+        """threads: of a strand; 0: one a point."""
         table = self.strands.table
-        wp.launch(kernel, table.strands * (table.longest if points else LANES), inputs, outputs, device=self.device,
+        wp.launch(kernel, table.strands * (threads or table.longest), inputs, outputs, device=self.device,
                   block_dim=self.strands.threads)
 
     def advance(self, clock: Clock) -> None:
-        s, h = self.strands, clock.dt / self.strands.substeps
-        S, H, C, Q, T, A = s.strands, s.holds, s.obstacles.table, s.moving(), s.trial, self.parts
+        s, A = self.strands, self.parts
+        S, H, C, Q, T = s.strands, s.holds, s.obstacles.table, s.moving(), s.trial
+        A.h, A.substeps = clock.dt / s.substeps, s.substeps
         s.said.zero_()
+        A.at.zero_()
+        for word in (A.on, A.done):
+            word.fill_(1)
+        self.words.fill_(s.table.strands)
 
-        def iterate(at: int) -> None:
-            self.each(self.measure, [S, C, Q, T, A, h, at], [self.words])
-            self.each(self.solve, [S, T, A], [self.words, s.said], False)
-            self.each(self.take, [S, T, A], [])
-        for at in range(s.substeps):
-            self.each(self.begin, [S, H, Q, T, A, h, at], [self.words])
-            wp.capture_while(self.words, iterate, at=at)
-            self.each(self.end, [S, C, Q, T, h, at], [s.said])
+        def iterate() -> None:
+            self.each(self.measure, [S, C, Q, T, A], [self.words])
+            self.each(self.solve, [S, T, A], [self.words, s.said], LANES)
+            self.each(self.take, [S, C, Q, T, A], [s.said])
+            self.each(self.begin, [S, H, Q, T, A, FEW], [self.words])
+        self.each(self.begin, [S, H, Q, T, A, FEW], [self.words])
+        wp.capture_while(self.going, iterate)
+        self.each(self.finish, [S, H, C, Q, T, A], [s.said], WARP)
