@@ -14,7 +14,8 @@ in.
 
 A point that a correction leaves pressed, but outside (strands turn, colliders are round), is drawn back by the tangent of N(e)
 where N is what it is pressed with: let go it would dive in again, and be thrown out, by turns (an active set by multipliers:
-Hintermueller, Ito, Kunisch 2002). No substep is solved while one is drawn.
+Hintermueller, Ito, Kunisch 2002). A point that an iteration finds inside anew has no friction in that one: by the force of its
+depth friction may throw it out again. No substep is solved with such a point, nor while one is drawn.
 
 Colliders go straight from where they are at the start of a substep to where they are at its end.
 """
@@ -136,8 +137,7 @@ def expect(T: Trial, i: int, k: int):
     hit = T.hit[i, k]
     half = wp.float64(0.5)
     N = hit[3] - (hit[0] * z[0] + hit[1] * z[1] + hit[2] * z[2])
-    old = T.load[i, k]
-    change = wp.where(N > wp.float64(0.0) and old > wp.float64(0.0), N - old, wp.float64(0.0))
+    change = N - wp.max(T.load[i, k], wp.float64(0.0))
     last = T.change[i, k]
     T.change[i, k] = change
     if change * last < -half * last * last:
@@ -222,6 +222,9 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
                     found.f = side.n * side.hit[3]
                     found.K = wp.outer(side.n, wp.vec3d(side.hit[0], side.hit[1], side.hit[2]))
                 N = T.load[i, k]
+            elif N > wp.float64(0.0) and T.step[i, k] < FAR:
+                wp.atomic_max(T.drawn, k, side.deep + w)
+                N = wp.float64(0.0)
             along = wp.min(along, SURE * T.step[i, k] / wp.max(wp.length(s - side.n * wp.dot(side.n, s)), TINY))
             T.hit[i, k] = side.hit
         if N > wp.float64(0.0):

@@ -67,7 +67,7 @@ class Trial:
     load: wp.array2d(dtype=wp.float64)              # meet colliders, and nothing else: normal force as that had it [N]
     change: wp.array2d(dtype=wp.float64)            # how much that changed it [N]
     hit: wp.array2d(dtype=wp.vec4d)                 # normal of a contact times its stiffness [N/m], and its normal force [N]
-    drawn: wp.array(dtype=wp.float64)               # how far a point of a strand is off the collider it is drawn to [m]
+    drawn: wp.array(dtype=wp.float64)               # of strands: farthest a point is drawn to a collider, or anew in one [m]
     near: wp.array2d(dtype=wp.mat44d)               # factor towards the next point
     far: wp.array2d(dtype=wp.mat44d)                # towards the one behind it
     z: wp.array2d(dtype=wp.vec4d)                   # right-hand side, then correction
