@@ -12,7 +12,9 @@ Projected Gauss-Seidel on accumulated impulses (as Tonge, Benevolenski, Voroshil
     T* = T - [(d - a) - g u]_t                 T' = T* where |T*| <= mu_s lam', else mu_d lam' T* / |T*|
                                                d += T' - T
 
-so friction stops the velocity relative to the surface or slides: Coulomb's law, exact for one contact. Coefficients
+so friction stops the velocity relative to the surface or slides: Coulomb's law, exact for one contact. u is the mean over the
+substep, and BDF2's velocity that at its end: on a surface that accelerates by A what sticks creeps back by A h / 2, though no
+force errs. Coefficients
 are the mean of the point's and the collider's. A point's contacts are taken in the order of the colliders and no
 atomic touches a float: results are bitwise the same from run to run. kernels/contact/search.py finds the contacts.
 

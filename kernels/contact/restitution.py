@@ -245,3 +245,17 @@ def renew(real, module):
             u_out[i] = v[i] - change
 
     return wp.kernel(renew, name=f"renew_{t.name}", module=module, enable_backward=differentiable(module))
+
+
+@cache
+def stand(real, module):
+    """Kernel over points: one that was thrown has the anchor that it was thrown by."""
+    vectors = wp.array(dtype=types(real).vec3)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def stand_by(thrown: wp.array(dtype=real), a: vectors, a_out: vectors):
+        i = wp.tid()
+        if thrown[i] != real(0.0):
+            a_out[i] = a[i]
+
+    return stand_by

@@ -142,6 +142,35 @@ def test_two_pins_that_part_later_are_an_error(read):
     assert "/b: it holds point 3 of /cloth, which is held by /a too" in errors(read, cloth() + moves + one + two)
 
 
+BOX = """def Cube "box" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsCollisionAPI", "PhysicsMassAPI"]) {{
+    float physics:mass = 1
+    {}
+    def Xform "hook" {{}}
+}}
+"""
+ROPE = """def BasisCurves "rope" (prepend apiSchemas = ["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI"]) {
+    uniform token type = "linear"
+    point3f[] points = [(0, 2, 0), (0, 3, 0), (0, 4, 0)]
+    int[] curveVertexCounts = [3]
+    float[] widths = [0.01]
+    float physics:density = 300
+}
+"""
+
+
+@pytest.mark.parametrize("target", ["box", "box/hook"])
+@pytest.mark.parametrize("body", [cloth(), ROPE])
+def test_points_that_are_attached_to_a_body_that_forces_move_are_an_error(read, target, body):
+    """They were held where it starts."""
+    pin = PIN.format("tied", "0", "(0, 1, 0)").replace("int[]", f"rel physics:src1 = </{target}>\nint[]")
+    pin = pin.replace("</cloth>", "</rope>") if body == ROPE else pin
+    said = errors(read, body + BOX.format("") + pin)
+    assert f"/tied: physics:src1 names /{target}, which moves with the rigid body /box; allowed is what is still" in said
+    for still in ("bool physics:kinematicEnabled = 1", "bool physics:rigidBodyEnabled = 0"):
+        scene = read(body + BOX.format(still) + pin)
+        assert len(scene.pins or scene.things("Rods")[0].pins) == 1
+
+
 # Names that nobody reads ---------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(("text", "said"), [

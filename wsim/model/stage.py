@@ -239,6 +239,7 @@ class Methods(list[Method]):
     earlier                          of leapfrog: what others changed velocities by in the last substep but one [m/s]
     self-contact                     surfaces that touch themselves and each other
     bodies, recorded bodies          the rigid ones; what recordings know of them; fluids, recorded fluids likewise
+    edges                            of named explicit steps that bear little tension: the watch over how long edges are
     aims                             (path, name) of targets and speeds of drives that joints follow in each substep
     terms                            port of a Newton step: what acts there beside the forces of bodies
     """

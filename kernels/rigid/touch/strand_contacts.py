@@ -15,7 +15,7 @@ import warp as wp
 from wsim.kernels.math.rotation import multiply, normalized, rotate
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double, double3, free_rotation
-from wsim.kernels.rigid.touch.strands import Carried
+from wsim.kernels.rigid.touch.strands import Carried, lasting
 from wsim.kernels.rods.contact import FAR, FIRM, SOFT, STIFF, Colliders, Touch, rub, touching
 from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
 
@@ -46,13 +46,13 @@ def places(real, module: str):
         m = wp.float64(1.0) / wp.float64(rig.b.w[i])
         x = W.begin[i] + double3(rig.now.x[i]) + double3(rig.now.e[i])
         inverse = double3(rig.b.inverse[i])
-        one = wp.float64(1.0)
+        one = wp.float64(1.0) / lasting(rig.b.spin_drag[i], W.h)
         R = wp.quat_to_matrix(q)
         W.c0[i] = x
         W.q0[i] = q
         W.c1[i] = x + double3(rig.now.p[i]) * (W.h / m)
         W.q1[i] = free_rotation(q, double3(rig.now.L[i]), inverse, W.h)
-        W.m[i] = m
+        W.m[i] = m / lasting(rig.b.drag[i], W.h)
         W.J[i] = R * wp.diag(wp.vec3d(one / inverse[0], one / inverse[1], one / inverse[2])) * wp.transpose(R)
         for j in range(2):
             W.xi[i, j] = wp.vec3d()

@@ -12,15 +12,20 @@ K - K J D^-1 J^T K, which conjugate gradients take (kernels/rods/conjugate.py), 
 the end is the momentum of how far it was moved, m u / h and I a / h: the sum of the linear equations that points were solved
 with, so that both together keep theirs, whatever Newton's method has left. Arms are those of the points, so that angular
 momentum is what points lose of theirs.
+
+A drag c [1/s] of the body acts on what forces have given it since the substep began, whatever they are: a constant force leaves
+the part s = (1 - exp(-c h)) / (c h) of h times it, as weight does (`kicked`, kernels/rigid/motion.py). So W = (m / s, I / s') /
+h^2, and at rest the points bear m g; of a blow, which has no duration, the air takes as much.
 """
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
-from wsim.kernels.rigid.motion import double3
+from wsim.kernels.rigid.motion import double3, kicked
 from wsim.kernels.rods.coupled import ACTIVE, Coupled
 from wsim.kernels.rods.tables import Borne, Strands, Trial
 
@@ -34,8 +39,8 @@ class Carried:
     c1: wp.array(dtype=wp.vec3d)
     q0: wp.array(dtype=wp.quatd)                    # orientation of the principal axes likewise
     q1: wp.array(dtype=wp.quatd)
-    m: wp.array(dtype=wp.float64)                   # [kg]
-    J: wp.array(dtype=wp.mat33d)                    # inertia in the world [kg m^2]
+    m: wp.array(dtype=wp.float64)                   # m / s [kg]
+    J: wp.array(dtype=wp.mat33d)                    # I / s' in the world [kg m^2]
     xi: wp.array2d(dtype=wp.vec3d)                  # u [m], a [rad], (bodies, 2); r, z, last likewise
     r: wp.array2d(dtype=wp.vec3d)                   # right-hand side
     z: wp.array2d(dtype=wp.vec3d)                   # correction
@@ -56,6 +61,12 @@ class Carried:
     strand: wp.array(dtype=int)                     # world of a strand
     stick: wp.array2d(dtype=wp.vec3d)               # of points: bristle [m], normal force of the substep before [N]
     load: wp.array2d(dtype=wp.float64)
+
+
+@wp.func
+def lasting(drag: Any, h: wp.float64):
+    """s, see above."""
+    return kicked(wp.float64(0.0), wp.float64(1.0), wp.float64(drag), h) / h
 
 
 @cache
@@ -186,8 +197,8 @@ def ends(real, module: str):
         i = wp.tid()
         if W.first[i + 1] == W.first[i] and wp.length_sq(W.xi[i, 0]) + wp.length_sq(W.xi[i, 1]) == wp.float64(0.0):
             return
-        p = double3(rig.now.p[i]) + W.xi[i, 0] * (W.m[i] / W.h)
-        L = double3(rig.now.L[i]) + W.J[i] * W.xi[i, 1] / W.h
+        p = double3(rig.now.p[i]) + W.xi[i, 0] * (W.m[i] * lasting(rig.b.drag[i], W.h) / W.h)
+        L = double3(rig.now.L[i]) + W.J[i] * W.xi[i, 1] * (lasting(rig.b.spin_drag[i], W.h) / W.h)
         rig.now.p[i] = t.vec3(real(p[0]), real(p[1]), real(p[2]))
         rig.now.L[i] = t.vec3(real(L[0]), real(L[1]), real(L[2]))
         rig.work.touched[i] = 1

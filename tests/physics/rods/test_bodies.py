@@ -108,7 +108,8 @@ def sag(M: float, stretch: float, reach: float, under: float) -> float:
 
 
 def test_ropes_bear_a_weight():
-    """50 kg on two ropes of 32 g: where statics have them, and their ends bear both."""
+    """50 kg on two ropes of 32 g: where statics have them, and their ends bear both. The air that slows them down bears nothing
+    of what is at rest: it bore 2.5 % of it, half of the drag times a substep."""
     half, n, M = 0.5, 81, 50.0
     scene = Scene(gravity=(0.0, -G, 0.0), fps=60.0, substeps=4)
     rods = scene.add(Rods("/ropes", np.concatenate([line(n, half, 0.0, z) for z in (0.08, -0.08)]), [n, n], 0.01,
@@ -116,9 +117,7 @@ def test_ropes_bear_a_weight():
     rods.pin("/ends", [0, n - 1, n, 2 * n - 1])
     box(scene, "/box", (0.1, 0.05, 0.15), (0.0, 0.056, 0.0), 0.0, mass=M, drag=12.0, spin_drag=12.0)
     simulation, method = simulated(scene)
-    for drag, frames in ((12.0, 60), (3.0, 60), (0.6, 120)):       # it bears a part of the weight: half of it times a substep
-        simulation.set("/box", "drag", drag)
-        simulation.run(frames)
+    simulation.run(150)
     x, rigid = method.points(0)[0], simulation.plan.method("rigid")
     assert np.abs(rigid.velocities()).max() < 2e-3
     end = np.array([[0, 1], [n - 1, n - 2], [n, n + 1], [2 * n - 1, 2 * n - 2]])

@@ -1,5 +1,6 @@
 """Colliders that throw points back: a stage after the last iteration of contacts. Equations: kernels/contact/restitution.py."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,9 @@ class Bounce:
         self.prolonged, self.beyond = prolonged, kernels.bounce_beyond(real, module) if prolonged else None
         self.spare = kernels.spare(real, module) if len(m.steps) == 2 else None
         self.normal = wp.zeros_like(state.v) if self.free else None
-        self.stages = [Stage("bounce", "solve", self.launch, 1, n * 12 * state.v.strides[0], what="points that hit")]
+        self.surfaces = False                            # True: their sweeps come behind the last iteration
+        self.own: Any = None                             # anchors that points were thrown by, where they are settled once more
+        self.stages = [Stage("bounce", "solve", self.first, 1, n * 12 * state.v.strides[0], what="points that hit")]
         if multistep or prolonged or not (self.free or m.g):
             self.before = wp.zeros_like(state.v)
             self.stages.append(Stage("before", "pose", self.keep, 1, 2 * n * state.v.strides[0], what="velocities"))
@@ -60,6 +63,10 @@ class Bounce:
         self.copies = others.find("copies")
         if self.spare:
             others.find("impacts").append(self.passed)
+        if (surfaces := others.find("self-contact")) is not None:
+            self.surfaces = not surfaces.within
+            if self.thrown is not None:
+                self.own, self.stand = wp.zeros_like(self.points.anchor), kernels.stand(self.model.real, self.model.module)
 
     def keep(self, clock: Clock) -> None:
         """Keeps the velocity before anything changes it."""
@@ -69,6 +76,23 @@ class Bounce:
         """Renews what is kept after a substep of a multistep integrator."""
         s = self.state
         self.model.launch(self.renew_kernel, self.model.points, [self.points.constants, self.thrown, s.v, clock.h], [s.s, s.u])
+
+    def behind(self, clock: Clock) -> bool:
+        """True where it comes behind the sweeps of surfaces, which project contacts again, and would take back what it throws;
+        of a step that goes on to its end they have nothing left to take."""
+        return self.surfaces and not (self.prolonged and self.prolonged.asked(clock))
+
+    def first(self, clock: Clock) -> None:
+        if not self.behind(clock):
+            self.launch(clock)
+
+    def settled(self, settle: Callable[[Clock], None], clock: Clock) -> None:
+        """Settles contacts once more; who was thrown keeps the anchor."""
+        if self.thrown is None:
+            return settle(clock)
+        self.model.copy(self.own, self.points.anchor)
+        settle(clock)
+        self.model.launch(self.stand, self.model.points, [self.thrown, self.own], [self.points.anchor])
 
     def launch(self, clock: Clock) -> None:
         """Launches the restitution after the last iteration."""

@@ -55,6 +55,7 @@ class SelfContact(Method):
         self.model, self.state, self.status, self.clock = b.model, b.state, b.status, b.clock
         self.points = b.methods.find("points")
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
+        self.bounce: Any = None          # what they throw back with, `wsim.physics.contact.restitution.Bounce`
         self.prolonged = getattr(b.methods.find("contact"), "prolonged", None)
         b.status.reserve(SAID, cut.SAID)
         real, module = b.model.real, b.model.module
@@ -106,7 +107,7 @@ class SelfContact(Method):
         return filled(states(self.model.real), x=s.x, e=s.e, d=s.d, a=self.points.anchor)
 
     def meet(self, others: Methods) -> None:
-        self.contact = others.find("contact")
+        self.contact, self.bounce = others.find("contact"), others.find("bounce")
         self.settle.meet(others)
 
     def at(self):
@@ -148,6 +149,8 @@ class SelfContact(Method):
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.look(clock, 1))
             wp.capture_while(self.near.word(pairs.NEARER), lambda: self.more(clock))
         if last:
+            if self.bounce and self.bounce.behind(clock):
+                self.bounce.launch(clock)
             self.settle.gather(clock)
 
     @property
@@ -205,7 +208,10 @@ class SelfContact(Method):
         self.give()
         self.settle.settle(clock)
         if self.contact and clock.integrator.memory:
-            self.contact.settle(clock)
+            if self.bounce:
+                self.bounce.settled(self.contact.settle, clock)
+            else:
+                self.contact.settle(clock)
 
     # around a frame
 

@@ -2,8 +2,9 @@
 particles, one by one. Points to points or faces of a mesh that a skeleton moves are a pin that follows it.
 
 src0 is the simulation geometry, indices0 its points; src1 is an Xform, still or animated, and coords1 are the places
-in its space (none: where the points are at the start). An attachment without src1 hangs on the world. Other kinds are
-left out with a note. Weights that are painted on a mesh are pins without a prim (`wsim.usd.prims.painted`).
+in its space (none: where the points are at the start). An attachment without src1 hangs on the world; one to a rigid body that
+forces move is refused. Other kinds are left out with a note. Weights that are painted on a mesh are pins without a prim
+(`wsim.usd.prims.painted`).
 """
 
 from typing import Any
@@ -17,7 +18,7 @@ from wsim.usd import names
 from wsim.usd.attributes import author, read
 from wsim.usd.prims.painted import LEVELS, read_map
 from wsim.usd.prims.springs import curve_vertices
-from wsim.usd.stage import Reading, Units
+from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import author_motion, placement, split
 
 Body = Cloth | Springs | Soft | Any        # or `Rods`, which no module of USD imports
@@ -107,6 +108,11 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
         reading.fail(prim.GetPath(), f"{names.SRC1} names {target}, which does not exist; name an Xform or nothing "
                                      "(world)")
         return False
+    if body := _carrier(reading, xform):
+        reading.fail(prim.GetPath(), f"{names.SRC1} names {target}, which moves with the rigid body {body}; allowed is what is "
+                     "still, animated or kinematic: points cannot be joined to a body that forces move, and would hang where "
+                     f"it starts; mend: set physics:kinematicEnabled on {body}, or name an Xform outside of it")
+        return False
     pin.target = "" if target == f"{pin.path}/{FRAME}" else target
     place = placement(reading, xform)
     frames, stretches = place.frame.copy(), []
@@ -125,6 +131,17 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
         pin.places = pin.places @ S[0].T
     pin.motion = place.follow(frames)
     return True
+
+
+def _carrier(reading: Reading, xform: Usd.Prim) -> str:
+    """Path of the rigid body that moves by forces which an Xform is, or lies in; "" where there is none."""
+    each = xform
+    while each and not each.IsPseudoRoot():
+        if names.RIGID_BODY in applied(each):
+            body = role("Body", "joints.moving").body_of(reading, xform)
+            return str(body.GetPath()) if body else ""
+        each = each.GetParent()
+    return ""
 
 
 def particles(reading: Reading, prim: Usd.Prim, body: Body, points: np.ndarray, name: str) -> np.ndarray | None:
