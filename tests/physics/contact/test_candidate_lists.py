@@ -86,7 +86,8 @@ class Pair:
         module = f"test_lists_{'sheet' if shape == 'sheet' else 'solid'}_{self.t.name}"
         self.of = [Contacts(self.bodies(body), device=device, real=real, module=module, substeps=SUBSTEPS, dt=DT)
                    for _ in range(2)]
-        broad.listed(self.of[1], module)
+        self.of[0].searches()                            # both, before the module is compiled
+        broad.listed(self.of[1])
 
     def bodies(self, body: Collider) -> Bodies:
         mu = np.tile((0.3, 0.3), (N, 1))

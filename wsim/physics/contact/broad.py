@@ -61,7 +61,7 @@ class Tree:
         launch(self.boxes, len(self.low), [self.table, k], [self.low, self.high])
 
 
-def listed(contacts, module: str) -> None:
+def listed(contacts) -> None:
     """Lets the search of `contacts` (`wsim.physics.contact.contacts.Contacts`) list faces, where an object has meshes: for
     substeps that are many and short."""
     rows = contacts.rows
@@ -78,7 +78,7 @@ def listed(contacts, module: str) -> None:
     p.radius = wp.full(size, -1.0, dtype=float, device=device)
     p.wanted = wp.zeros(1, dtype=int, device=device)
     roomier(p, ROOM)
-    contacts.search_kernel = kernels.search(contacts.kinds, contacts.real, module, contacts.tree is not None, True)
+    contacts.searches(listed=True)
 
 
 def roomier(p, wanted: int) -> bool:

@@ -66,6 +66,7 @@ class Contacts:
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
         self.zero: Callable = wp.array.zero_
+        self.search_kernel: Any = None                   # see `searches`
         self.adjoint: Any = None                         # `wsim.physics.contact.contacts_adjoint.ContactAdjoint`
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
@@ -92,12 +93,16 @@ class Contacts:
     # tables
 
     def _load(self, module, multistep: bool) -> None:
-        self.search_kernel = search.search(self.kinds, self.real, module, self.tree is not None)
+        self.module = module
         self.project_kernel = kernels.project(self.real, module)
         self.settle_kernel = kernels.settle(self.real, module) if multistep else None
         moving = any(m.moves for m in self.meshes.values())
         self.pose_kernel = search.pose_mesh(module) if moving else None
         self.refit_kernel = search.refit(module) if moving and self.device.is_cpu else None
+
+    def searches(self, listed: bool = False) -> None:
+        """Makes the kernel of the search, which reads lists of faces (`wsim.physics.contact.broad.listed`) or none."""
+        self.search_kernel = search.search(self.kinds, self.real, self.module, self.tree is not None, listed)
 
     def _array(self, values, dtype) -> wp.array:
         if isinstance(values, wp.array):
@@ -105,9 +110,8 @@ class Contacts:
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
 
     def _points(self, bodies: Bodies) -> None:
-        t = self.types
-        p = self.points = kernels.tables(self.real)[1]()
-        p.object, p.w = self._array(bodies.object, int), self._array(bodies.w, t.scalar)
+        t, p = self.types, kernels.tables(self.real)[1]()
+        self.points, p.object, p.w = p, self._array(bodies.object, int), self._array(bodies.w, t.scalar)
         p.reach, p.friction = self._array(bodies.reach, t.scalar), self._array(bodies.friction, t.vec2)
         self.count, self.faces = len(p.object), self._array(bodies.faces, int)
         self.mark = wp.zeros(self.count, dtype=int, device=self.device)
@@ -159,7 +163,7 @@ class Contacts:
         self.push = zeros(t.vec3)
 
     def tell(self, wanted: wp.array) -> None:
-        """The room that a point wants is written into this word (first entry of an int array)."""
+        """Takes the word (first entry of an int array) for the room that a point wants."""
         self.wanted = self.slots.wanted = wanted
 
     # frames
@@ -174,8 +178,7 @@ class Contacts:
             deep = self.deep if again else not (before is not None and before < time < before + 1.5 * self.dt)
         if deep or self.deep:                            # `search` may have put it back
             self.table.deep.fill_(int(deep))
-        self.deep = deep
-        self.time = time
+        self.deep, self.time = deep, time
         if substeps is not None and substeps != self.substeps:
             self._frame(substeps, self.dt)
         self.owed = self.changed or self.rows.moves
@@ -230,6 +233,8 @@ class Contacts:
         self.adjoint.shaped(k) if self.recorded else self.shape(k)
         if k == 1 and self.adjoint is None and "solid" in self.kinds:
             self.zero(self.table.deep)                   # what started inside is marked, and looked for as deep as before
+        if self.search_kernel is None:
+            self.searches()
         self.launch(self.search_kernel, self.count, [self.table, self.points, self.read(x=x, d=d, a=a, k=k)],
                     [self.slots, d, a, self.push, self.struck])
 

@@ -113,7 +113,9 @@ class Contact(Method):
             self.contacts.smooth(self.model.scene, explicit)
         if explicit and self.contacts.meshes and not self.model.gradients:
             from wsim.physics.contact import broad
-            broad.listed(self.contacts, self.model.module)
+            broad.listed(self.contacts)
+        if self.contacts.search_kernel is None:
+            self.contacts.searches()
 
     def part(self, clearance) -> None:
         """Frames with contacts from those without."""
