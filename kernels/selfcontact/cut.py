@@ -171,7 +171,7 @@ def tell(real, module):
         words[pairs.FAST] = 0
         words[pairs.SWEPT] = 0
         words[pairs.TURNED] = 0
-        said[BUSY] = words[pairs.NEAR]
+        said[BUSY] = wp.max(words[pairs.NEAR], words[pairs.PROOF])
         said[SEARCHES] = said[SEARCHES] + words[pairs.MADE]
         words[pairs.MADE] = 0
         words[pairs.EPOCH] = words[pairs.EPOCH] + 1

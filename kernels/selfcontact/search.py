@@ -2,11 +2,12 @@
 (kernels/selfcontact/tree.py).
 
 A pair is listed where its two sides, as far as their tubes lead (kernels/selfcontact/tubes.py), may come nearer than what it
-keeps and the radii of its tubes: by where its points are half way, and how far they leave that beside the first. Pairs that
-share a point touch always, and are none. A pair keeps the sum of the half thicknesses of its sides, and at most REST times its
-distance in the rest shape: what is near by construction is not pushed apart, so that a flat cloth less thick than a third of
-its edges lists no pairs. Strands of rods keep each other off by a law of their own (kernels/rods/touch.py): two of them keep
-nothing here, and are proven only. No pair whose tubes meet is left out for being near at rest.
+keeps and the radii of its tubes: along the normal n that it has half way they stay min(g, g') apart, g the gap where tubes
+begin and g' where they end, since n . (p_i - p_j) goes linearly. What slides past does not count. Pairs that share a point
+touch always, and are none. A pair keeps the sum of the half thicknesses of its sides, and at most REST times its distance in
+the rest shape: what is near by construction is not pushed apart, so that a flat cloth less thick than a third of its edges
+lists no pairs. Strands of rods keep each other off by a law of their own (kernels/rods/touch.py): two of them keep nothing
+here, and are proven only. No pair whose tubes meet is left out for being near at rest.
 """
 
 from functools import cache
@@ -15,7 +16,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import closest, pairs, tree
-from wsim.kernels.selfcontact.tubes import frames
+from wsim.kernels.selfcontact.tubes import MANY, frames
 
 REST = 0.4
 ROUND = 1.005          # of tubes, for rounding
@@ -27,7 +28,7 @@ def listing(real):
     """Function: appends a pair to the list, if it may come near enough."""
     t = types(real)
     Surfaces, Frames, Pairs = pairs.surfaces(real), frames(real), pairs.lists(real)
-    weights = closest.weights(real)
+    weights, gap = closest.weights(real), closest.gap(real)
 
     @wp.func
     def between(kind: int, p1: t.vec3, p2: t.vec3, p3: t.vec3):
@@ -44,37 +45,31 @@ def listing(real):
         return wp.max(a0, a1) + other
 
     @wp.func
-    def leaves(f: Frames, i: int, o: int, half: real):
-        """How far point i may be from where it is expected half way, beside what point o does."""
-        return real(ROUND) * f.beta[i] + half * wp.length(f.way[i] - f.way[o])
-
-    @wp.func
     def append(s: Surfaces, f: Frames, kind: int, ids: wp.vec4i, near: Pairs):
         i, j, k, o = ids[1], ids[2], ids[3], ids[0]
         keep = sides(kind, s.reach[o], s.reach[i], s.reach[j], s.reach[k])
+        tubes = real(ROUND) * sides(kind, f.beta[o], f.beta[i], f.beta[j], f.beta[k])
         half = real(0.5) * real(f.lead[0])
-        tubes = sides(kind, leaves(f, o, o, half), leaves(f, i, o, half), leaves(f, j, o, half), leaves(f, k, o, half))
+        part = f.part[0]
         b = s.body[o]
         if kind == closest.EDGES and wp.min(b, s.body[j]) >= pairs.STRANDS:
             keep = real(0.0)
         same = s.tied > 0 or (b == s.body[i] and b == s.body[j] and b == s.body[k])
-        c = f.start[o] + half * f.way[o]
-        p1 = (f.start[i] + half * f.way[i]) - c
-        p2 = (f.start[j] + half * f.way[j]) - c
-        p3 = (f.start[k] + half * f.way[k]) - c
-        now = real(0.0)
-        n = t.vec3()
+        c = f.start[o]
+        v = f.way[o]
+        v1, v2, v3 = half * (f.way[i] - v), half * (f.way[j] - v), half * (f.way[k] - v)
+        p1, p2, p3 = (f.start[i] - c) + v1, (f.start[j] - c) + v2, (f.start[k] - c) + v3
+        n, zero = t.vec3(), t.vec3()
         step = int(0)
         while step < 2:                                   # half way, and at rest: a loop, so that it is compiled once
             way = between(kind, p1, p2, p3)
-            away = wp.length(way)
             if step == 0:
                 n = wp.normalize(way)
-                if away > keep + tubes:
+                now = wp.min(gap(kind, n, zero, p1 - v1, p2 - v2, p3 - v3), gap(kind, n, zero, p1 + v1, p2 + v2, p3 + v3))
+                if now > part * keep + tubes:
                     return
-                now = away
             else:
-                keep = wp.min(keep, real(REST) * away)
+                keep = wp.min(keep, real(REST) * wp.length(way))
             step += 1
             if not same:
                 step = 2
@@ -82,7 +77,7 @@ def listing(real):
             p1 = s.rest[i] - c
             p2 = s.rest[j] - c
             p3 = s.rest[k] - c
-        if now > keep + tubes:
+        if now > part * keep + tubes:
             return
         slot = wp.atomic_add(near.count, 0, 1)
         if slot < near.capacity:
@@ -117,18 +112,19 @@ def meet(real, module):
             a = s.edge[i][0]
             b = s.edge[i][1]
         ours = about(f, a, b, b)
+        room = widest * float(f.part[0])
         root = s.world[a] * 2 * into.leaves
         node = int(1)
         trail = int(0)
         if own > 0:
             node = into.leaves + j % into.leaves
-            trail = tree.later(ours, into, root, node, widest)
+            trail = tree.later(ours, into, root, node, room)
             node, trail = tree.back(node, trail)
-        elif tree.apart(ours, tree.box(into.box, root + 1), widest):
+        elif tree.apart(ours, tree.box(into.box, root + 1), room):
             return
         while node > 0:
             if node < into.leaves:
-                met = tree.below(ours, into, root, node, widest)
+                met = tree.below(ours, into, root, node, room)
                 if met > 0:
                     node = 2 * node + wp.where(met == 2, 1, 0)
                     trail = 2 * trail + wp.where(met == 3, 1, 0)
@@ -182,13 +178,14 @@ def sift(real, module):
 @cache
 def listed(real, module):
     """Kernel: a list was made: whether it holds pairs, and how many times so far. begins 1: before a substep, by its
-    prediction: A is 1 until it ends. A list that there was no room for holds none, since which of its pairs found room depends
+    prediction: A is 1 until it ends. points: how many there are. One for a proof is made anew before the next substep. One that
+    there was no room for holds none, since which of its pairs found room depends
     on the order of threads; words[LACKED] says how many there were, or, where there was no room for candidates, of how many
     they would be with as many candidates each: nothing in it depends on that order, and the frame is repeated with room."""
     Frames, Pairs = frames(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def list_made(found: pairs.Candidates, begins: int, near: Pairs, f: Frames, words: wp.array(dtype=int)):
+    def list_made(found: pairs.Candidates, begins: int, points: int, near: Pairs, f: Frames, words: wp.array(dtype=int)):
         if begins > 0:
             f.frame[1] = wp.transform_identity(dtype=real)
         wanted = near.count[0]
@@ -199,7 +196,13 @@ def listed(real, module):
         if wanted > near.capacity:
             words[pairs.LACKED] = wp.max(words[pairs.LACKED], wanted)
             near.count[0] = 0
-        words[pairs.SOON] = 0
+        if f.part[0] == real(1.0):
+            each = real(wanted) / (real(points) * f.least[0] * f.least[0] * f.least[0])
+            f.dense[0] = wp.max(each / real(MANY), real(1.0))
+        if begins > 0:
+            words[pairs.NARROW] = wp.where(f.least[0] < real(1.0), 1, 0)
+        words[pairs.PROOF] = wp.where(f.part[0] < real(1.0), 1, 0)
+        words[pairs.SOON] = words[pairs.PROOF]
         words[pairs.AGE] = 0
         words[pairs.NEAR] = wp.min(near.count[0], 1)
         words[pairs.MADE] = words[pairs.MADE] + 1

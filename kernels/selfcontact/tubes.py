@@ -34,6 +34,8 @@ LEAD, LONG = 16, 2.0                     # substeps that tubes lead ahead at mos
 GROWS = 2                                # times the last list's substeps that tubes lead ahead at most
 LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the widest tube over beta; least over that before
 PAYS, SPARE = 1.4, 3.0                   # substeps that lists last, at least, where tubes are widened; see above
+MANY, DEAR = 40.0, 3.0                   # pairs a point; see above
+NARROW, THIN, PROOF = 0.5, 0.25, 0.25    # of beta, of beta, of what pairs keep: see above
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
 
@@ -53,6 +55,9 @@ def frames(real):
         beta: wp.array(dtype=t.scalar)            # radius of the tube [m], (points,)
         off: wp.array(dtype=t.scalar)             # distance from what was expected, where the last substep ended [m], (points,)
         most: wp.array(dtype=t.scalar)            # the greatest of them, (1,)
+        least: wp.array(dtype=t.scalar)           # least radius of a tube over beta, (1,)
+        dense: wp.array(dtype=t.scalar)           # pairs a point that tubes of beta would have, over MANY; at least 1, (1,)
+        part: wp.array(dtype=t.scalar)            # of what pairs keep, by which the list holds those that come near, (1,)
 
     return Frames
 
@@ -169,7 +174,7 @@ def carried(real):
 @cache
 def axes(real, module):
     """Kernel: tubes, where lists are made: A before the substep is 1; lead: the least that one of the points has, from what
-    stands there on."""
+    stands there on. Behind a list for a proof all are narrow."""
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -183,12 +188,14 @@ def axes(real, module):
         while lead > 1 and (real(lead) * size > s.longest or lead > GROWS * wp.max(words[pairs.AGE], 1)):
             lead = lead / 2
         held = real(wp.max(words[pairs.AGE], 1))
-        widest = real(WIDEST) * s.beta
-        if f.most[0] * real(PAYS) > widest * held:
+        widest = real(WIDEST) * s.beta / wp.sqrt(f.dense[0])
+        if f.most[0] * real(PAYS) * wp.min(f.dense[0], real(DEAR)) > widest * held:
             widest = s.beta
         last = wp.min(real(LASTS) * f.most[0], real(SPARE) * widest * held)        # L times the greatest distance
         wide = wp.max(f.off[i] * last / wp.max(held * f.most[0], real(1.0e-30)), real(STAYS) * f.beta[i])
-        f.beta[i] = wp.clamp(wide, s.beta, widest)
+        least = wp.where(f.part[0] < real(1.0), real(NARROW), real(1.0))
+        f.beta[i] = wp.where(least < real(1.0), least * s.beta, wp.clamp(wide, s.beta, widest))
+        f.least[0] = least
         f.off[i] = real(0.0)
         f.start[i] = p
         f.way[i] = way
@@ -196,6 +203,30 @@ def axes(real, module):
             wp.atomic_min(f.lead, 0, lead)
 
     return lay_axes
+
+
+@cache
+def thin(real, module):
+    """Kernel: thin tubes about what was solved for, where this list would not last beyond the substep: it leads no further, or
+    the widest tube would not."""
+    Surfaces, Frames = pairs.surfaces(real), frames(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def thin_tubes(s: Surfaces, words: wp.array(dtype=int), f: Frames):
+        j = wp.tid()
+        held = real(wp.max(words[pairs.AGE], 1))
+        dense = f.dense[0]
+        wanted = f.most[0] * real(PAYS) * wp.min(dense, real(DEAR))
+        if f.lead[0] > 1 and wanted * wp.sqrt(dense) <= real(WIDEST) * s.beta * held:
+            return
+        rate = real(THIN)
+        for _ in range(wp.clamp(words[pairs.MADE], 1, 3) - 1):
+            rate = real(2.0) * rate
+        f.beta[s.point[j]] = rate * s.beta
+        if j == 0:
+            f.part[0] = real(PROOF)
+
+    return thin_tubes
 
 
 @cache

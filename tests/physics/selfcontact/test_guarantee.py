@@ -10,7 +10,7 @@ from tests.physics.selfcontact.rig import SOLVERS, THIN, crossed, crumple, layer
 from tests.physics.selfcontact.test_momentum import moments
 from tools.draws.scenes import drawn
 from wsim.kernels.selfcontact import cut, pairs
-from wsim.physics.selfcontact import method
+from wsim.physics.selfcontact import method, near
 
 
 def by_substep(scene, frames: int):
@@ -69,6 +69,29 @@ def test_results_are_the_same_from_run_to_run():
         sim.run(3)
         found.append(sim.positions("/sheet"))
     assert np.array_equal(*found)
+
+
+def test_a_list_without_room_is_made_again_though_one_for_a_proof_follows(monkeypatch):
+    """Of 900 points that fly at each other each substep has two lists; the first finds no room, and what it left out counts."""
+    places = []
+    for each in (100, 1):
+        monkeypatch.setattr(near, "EACH", each)
+        sim = run(crumple(3, 30, 16.0))
+        room = sim.plan.method("selfcontact").near.pairs.capacity
+        sim.step()
+        places.append(sim.positions())
+        assert (sim.plan.method("selfcontact").near.pairs.capacity > room) == (each == 1)
+    assert said(sim)["searches"] > 15.0 and np.array_equal(*places)
+
+
+def test_pairs_that_are_pressed_in_turn_keep_their_momentum():
+    """Where lists are made in each substep, by XPBD on a CPU; no pair is cut, and hardly one is left to be projected."""
+    sim = run(crumple(0, 24, 16.0, **SOLVERS["xpbd"]))
+    before, _, size, _ = moments(sim)
+    sim.run(3)
+    told = said(sim)
+    assert np.abs(moments(sim)[0] - before).max() < 1e-6 * size
+    assert told["searches"] > 45.0 and told["cut"] == told["held"] == 0.0 and crossed(sim) == 0
 
 
 def test_energy_that_cuts_take_is_counted(monkeypatch):

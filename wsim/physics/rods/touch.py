@@ -11,13 +11,13 @@ import warp as wp
 
 from wsim.kernels.motion.points import states
 from wsim.kernels.rods import coupled, touch
-from wsim.kernels.selfcontact import cut, pairs
+from wsim.kernels.selfcontact import cut, pairs, rows
 from wsim.model.stage import Clock, Remedy
 from wsim.model.structs import filled
 from wsim.physics.rods.edges import Edges
 from wsim.physics.rods.together import Together
 from wsim.physics.selfcontact.guarantee import Guarantee
-from wsim.physics.selfcontact.method import LOSS, MORE, RECOVERY, ROUNDS
+from wsim.physics.selfcontact.method import LOSS, MORE, ROUNDS
 from wsim.physics.selfcontact.near import Near
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class Touching(Together):
         """Pairs where the substep begins."""
         self.guarantee.begin(self.at)
         near = self.near.pairs
-        self.ground.launch(self.ready, near.capacity, [near, self.sides, RECOVERY * self.h, self.h * self.h,
+        self.ground.launch(self.ready, near.capacity, [near, self.sides, rows.RECOVERY * self.h, self.h * self.h,
                                                        self.word(coupled.FIRST)], [self.pressed])
 
     def forces(self) -> None:

@@ -40,7 +40,6 @@ THREADS = 1 << 18                # of a sweep on a GPU, at most: each takes more
 ROUNDS, MORE = 16, 3             # projections of what is not certified, at most; times as many in a frame that lost too much
 LOSS = 5                         # percent of its motion that a point may lose in a substep before the frame is repeated
 ANEW = 4                         # sweeps of XPBD over the same pairs; behind another solver each looks: what rests is calm
-RECOVERY = 0.5                   # [m/s] at which surfaces leave an overlap of their thicknesses
 
 
 def build(b: Build) -> SelfContact:
@@ -66,7 +65,6 @@ class SelfContact(Method):
         self.reports = reports(self.surfaces)
         self.near = Near(b.model, self.surfaces)
         self.guarantee = Guarantee(b.model, self.near)
-        self.lean, self.press = rows.lean(real, module), rows.press(real, module)
         self.nearer, self.further = rows.nearer(real, module), rows.further(module)
         self.total = np.zeros(cut.SAID, np.int64)
         self.frames = self.repeats = self.run = 0
@@ -74,6 +72,8 @@ class SelfContact(Method):
         self.often, self.fresh, self.busy, self.stopped = False, True, True, False
         self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
         self.sweeps = SWEEPS if within else BEHIND
+        turns = within and not b.model.device.is_cuda
+        self.lean, self.press = rows.lean(real, module), rows.press(real, module, turns)
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         if self.obstacles:
             what += f"; {len(self.obstacles.triangles)} triangles are colliders'"
@@ -164,7 +164,7 @@ class SelfContact(Method):
         threads = min(near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
         self.borrow()
         near.word(pairs.NEARER).zero_()
-        self.model.launch(self.nearer, threads, [self.at(), RECOVERY * clock.h, first, threads, near.pairs], [near.words])
+        self.model.launch(self.nearer, threads, [self.at(), rows.RECOVERY * clock.h, first, threads, near.pairs], [near.words])
         self.go_on()
 
     def go_on(self) -> None:
@@ -178,7 +178,7 @@ class SelfContact(Method):
     def sweep(self, clock: Clock, count: int, leads: bool = False) -> None:
         """Sweeps over the pairs that push, each before one of the contacts of points with colliders, which what is pushed rests
         on."""
-        near, data, at, climb, calm = self.near, self.surfaces.data, self.at(), RECOVERY * clock.h, rows.CALM * clock.h
+        near, data, at, climb, calm = self.near, self.surfaces.data, self.at(), rows.RECOVERY * clock.h, rows.CALM * clock.h
         self.borrow()
         threads = min(near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
         anew = 1 if leads or not self.within else ANEW
@@ -199,7 +199,7 @@ class SelfContact(Method):
 
     def keep(self, clock: Clock) -> None:
         def again() -> None:
-            self.near.search(self.at())
+            self.near.search(self.at(), solved=True)
             self.guarantee.begin(self.at(), solved=True)
         self.borrow()
         if self.strands:

@@ -33,7 +33,7 @@ class Near:
         self.model, self.surfaces = model, surfaces
         real, module, device, t = model.real, model.module, model.device, types(model.real)
         self.tally, self.fold, self.fit = tubes.tally(real, module), tubes.fold(real, module), tubes.fit(real, module)
-        self.axes, self.watch = tubes.axes(real, module), tubes.watch(real, module)
+        self.axes, self.watch, self.thin = tubes.axes(real, module), tubes.watch(real, module), tubes.thin(real, module)
         self.meet, self.sift = search.meet(real, module), search.sift(real, module)
         self.listed = search.listed(real, module)
         zeros, n = partial(wp.zeros, device=device), surfaces.total
@@ -44,7 +44,9 @@ class Near:
         self.frames = filled(tubes.frames(real), rigid=zeros(4, dtype=t.vec3), frame=zeros(2, dtype=t.transform),
                              start=zeros(n, dtype=t.vec3), way=zeros(n, dtype=t.vec3), lead=zeros(1, dtype=int),
                              beta=wp.full(n, surfaces.beta, dtype=real, device=device), off=zeros(n, dtype=real),
-                             most=zeros(1, dtype=real))
+                             most=zeros(1, dtype=real), part=wp.ones(1, dtype=real, device=device),
+                             least=wp.ones(1, dtype=real, device=device),
+                             dense=wp.ones(1, dtype=real, device=device))
         self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
@@ -94,6 +96,8 @@ class Near:
         self.frames.rigid.zero_()
         self.frames.off.zero_()
         self.frames.most.zero_()
+        self.frames.part.fill_(1.0)
+        self.frames.dense.fill_(1.0)
         self.frames.beta.fill_(self.surfaces.beta)
         words = self.words.numpy()
         words[:] = 0
@@ -133,12 +137,16 @@ class Near:
             launch(self.fold, (out.shape[0], tubes.COLUMNS), [rows], [out])
         launch(self.fit, 1, [m[-1], fresh], [self.frames])
 
-    def search(self, at, most: int = tubes.LEAD, begins: int = 0) -> None:
-        """Makes the list, by what `at` holds, for so many substeps at most. begins 1: before the substep is solved."""
+    def search(self, at, most: int = tubes.LEAD, begins: int = 0, solved: bool = False) -> None:
+        """Makes the list, by what `at` holds, for so many substeps at most. begins 1: before the substep is solved;
+        solved: behind that, where it may be for a proof of this substep alone."""
         launch, s, f = self.model.launch, self.surfaces, self.frames
         self.move(at, 1)
         f.lead.fill_(most)
         launch(self.axes, len(s.points), [s.data, at, self.words], [f])
+        f.part.fill_(1.0)
+        if solved:
+            launch(self.thin, len(s.points), [s.data, self.words], [f])
         self.pairs.count.zero_()
         self.found.count.zero_()
         for tree in self.trees:
@@ -147,7 +155,7 @@ class Near:
             launch(self.meet, len(order), [s.data, f, kind, order, self.trees[k].tree, own, s.thickness], [self.found])
         threads = min(self.found.capacity, THREADS) if self.model.device.is_cuda else 1
         launch(self.sift, threads, [s.data, f, self.found, threads], [self.pairs])
-        launch(self.listed, 1, [self.found, begins], [self.pairs, f, self.words])
+        launch(self.listed, 1, [self.found, begins, len(s.points)], [self.pairs, f, self.words])
 
     def look(self, at) -> None:
         """Looks whether points are in their tubes where the substep ends."""
