@@ -179,9 +179,9 @@ def sift(real, module):
 def listed(real, module):
     """Kernel: a list was made: whether it holds pairs, and how many times so far. begins 1: before a substep, by its
     prediction: A is 1 until it ends. points: how many there are. One for a proof is made anew before the next substep. One that
-    there was no room for holds none, since which of its pairs found room depends
-    on the order of threads; words[LACKED] says how many there were, or, where there was no room for candidates, of how many
-    they would be with as many candidates each: nothing in it depends on that order, and the frame is repeated with room."""
+    there was no room for holds none, since which of its pairs found room depends on the order of threads; words[LACKED] says
+    how many there were, or, where there was no room for candidates, of how many they would be with as many candidates each:
+    nothing in it depends on that order, and the frame is repeated with room."""
     Frames, Pairs = frames(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
