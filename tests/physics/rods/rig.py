@@ -3,7 +3,7 @@
 import numpy as np
 
 from wsim.physics.rods.objects import Rods
-from wsim.scene import Motion, Scene
+from wsim.scene import Motion, Scene, Sphere
 from wsim.simulation.simulation import Simulation
 
 YOUNG, POISSON, DENSITY, RADIUS = 1e8, 0.3, 1000.0, 0.01
@@ -48,3 +48,15 @@ def turning(axis: np.ndarray, center: np.ndarray, times: np.ndarray, angles: np.
         F[:3, :3] = np.eye(3) + np.sin(a) * K + (1.0 - np.cos(a)) * K @ K
         F[:3, 3] = center - F[:3, :3] @ center
     return Motion(times, frames)
+
+
+def on_ball() -> Scene:
+    """48 strands of three lengths that fall on a ball, which the first reach in the sixth frame."""
+    k = np.arange(48)
+    counts = np.array([9, 20, 40])[k % 3]
+    x = np.concatenate([np.stack([np.full(n, 0.1 * np.cos(i)), np.full(n, 0.24 + 0.001 * i), np.linspace(-0.15, 0.2, n)],
+                                 axis=1) for i, n in enumerate(counts)])
+    made = Scene(gravity=(0.0, -9.81, 0.0), fps=60.0, substeps=4)
+    made.add(Rods("/strands", x, counts, 2e-4, 1e9, density=1300.0))
+    made.collider("/ball", Sphere(0.2))
+    return made

@@ -6,7 +6,20 @@ import numpy as np
 import pytest
 
 import wsim
-from tests.physics.rods.rig import AREA, DENSITY, FIRST, POISSON, SECOND, YOUNG, clamped, period, scene, simulated, turning
+from tests.physics.rods.rig import (
+    AREA,
+    DENSITY,
+    FIRST,
+    POISSON,
+    SECOND,
+    YOUNG,
+    clamped,
+    on_ball,
+    period,
+    scene,
+    simulated,
+    turning,
+)
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Plane, Scene, SceneError
 
@@ -183,6 +196,19 @@ def test_what_iterations_leave_is_told_and_no_number_is_lost():
     assert np.isfinite(method.points(0)[0]).all()
     left = method.said.numpy()[0, 1]
     assert left > 1e-6 and any("/rod: Newton's method left corrections" in w for w in simulation.warnings)
+
+
+def test_strands_that_fall_on_a_ball_are_solved():
+    """Points go in and out, and slip: 50 iterations of Gauss and Newton, contacts let go at once, left 1e-3 of an edge."""
+    simulation, method = simulated(on_ball())
+    told = []
+    for _ in range(12):
+        simulation.step()
+        told.append(method.said.numpy().copy())
+    assert np.max(told, axis=(0, 1))[1] <= 1e-6
+    assert 6.0 < np.max(told, axis=(0, 1))[0] < 40.0                                     # most of a strand: 29
+    assert np.max(told, axis=1)[:5, 0].max() <= 2.0                                      # that fall freely
+    assert not simulation.warnings
 
 
 def test_what_strands_do_not_feel_is_told():
