@@ -45,19 +45,3 @@ def test_a_light_sheet_between_heavy_ones_takes_the_velocity_of_all(solver):
     assert np.abs(moments(sim)[0] - before).max() < 1e-6 * size
     for b in sim.model.bodies:
         assert np.linalg.norm(sim.velocities(b.path).mean(axis=0) - mean) < 0.02 * 16.0 * solver.get("times", 1.0)
-
-
-@pytest.mark.parametrize("room", [14000, 14500])
-def test_a_frame_is_repeated_where_any_list_of_a_substep_had_no_room(room):
-    """Not for the last one alone: of some 12,000 to 15,000 pairs, the last list of each substep has fewer. The frame is that of
-    a simulation which has room from its start, to the bit."""
-    found = []
-    for pairs in (room, 60000):
-        sim = run(squeezed(**SOLVERS["newton midpoint"]))
-        selfcontact = sim.plan.method("selfcontact")
-        selfcontact.near.room(pairs)
-        selfcontact.settle.room()
-        sim.step()
-        found.append(np.concatenate([sim.positions(b.path) for b in sim.model.bodies]))
-        assert any(f"there was room for {pairs}" in each for each in sim.warnings) == (pairs == room)
-    assert np.array_equal(*found)
