@@ -33,13 +33,13 @@ LISTS = 16             # of a substep, from which on points that projections lea
 @cache
 def meeting(real):
     """Function: lists pair i among those that may come as near as they keep, by where its points are and where they are
-    predicted, and a tube's radius; words[FAST], by how much nearer that is. ends -1: none, where the substep is solved."""
+    predicted, and a tube's radius; words[FAST], by how much nearer that is. ends -1, -3: none, where the substep is solved."""
     t = types(real)
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
 
     @wp.func
     def meet(s: Surfaces, at: State, ends: int, i: int, near: Pairs, words: wp.array(dtype=int)):
-        if ends < 0:
+        if ends == -1 or ends == -3:
             return
         ids = near.ids[i]
         b = near.b[i]
@@ -92,11 +92,10 @@ def inspect(real, module):
     """Kernel: ends 0: normal, weights and gaps of all pairs where the substep begins, and no push, rows, and words[FAST] by
     what is predicted; -1: without rows and that word, as the substep is solved: rows say what pushed in it. A pair that its
     last normal holds further apart than it keeps, and a tube's radius, where it begins and where it is predicted, does not
-    meet: it keeps this normal, and its gap by it, and has no weights. -2: as -1, but all pairs have theirs. 1, and 2 behind
-    cuts without colliders: `bad` of every pair where it ends,
-    and how many lack a proof in words[BAD]. A pair that began nearer than s, or than any end that was proven leaves it, is let
-    be (2): nothing of it can be proven, and what holds it is its contact. One kernel, since closest points and normals are most
-    of what is compiled."""
+    meet: it keeps this normal, and its gap by it, and has no weights. -2, -3: as 0 and -1, but all pairs have theirs. 1, and 2
+    behind cuts without colliders: `bad` of every pair where it ends, and how many lack a proof in words[BAD]. A pair that began
+    nearer than s, or than any end that was proven leaves it, is let be (2): nothing of it can be proven, and what holds it is
+    its contact. One kernel, since closest points and normals are most of what is compiled."""
     vec3 = types(real).vec3
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
     place, _ = pairs.reading(real)

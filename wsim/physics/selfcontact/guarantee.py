@@ -64,7 +64,7 @@ class Guarantee:
         """Looks at pairs where the substep begins. solved: `at` holds where it ends, not what is predicted."""
         if not solved:
             self.near.pairs.rows.zero_()
-        ends = -2 if self.whole else -int(solved)
+        ends = -int(solved) - 2 * int(self.whole)
         self.each(self.inspect, [self.surfaces.data, at, ends], [self.near.pairs, self.near.words])
 
     def certify(self, at, ends: int = 1) -> None:

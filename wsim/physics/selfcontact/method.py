@@ -64,7 +64,8 @@ class SelfContact(Method):
         self.obstacles = self.surfaces.obstacles
         self.reports = reports(self.surfaces)
         self.near = Near(b.model, self.surfaces)
-        self.guarantee = Guarantee(b.model, self.near)
+        whole = b.clock.integrator.beyond        # which ends far from where it begins: normals of before prove less of it
+        self.guarantee = Guarantee(b.model, self.near, whole)
         self.nearer, self.further = rows.nearer(real, module), rows.further(module)
         self.total = np.zeros(cut.SAID, np.int64)
         self.frames = self.repeats = self.run = 0
