@@ -131,7 +131,7 @@ def draw(T: Trial, side: Side, stiff: wp.float64, w: wp.float64, i: int, k: int)
 
 @wp.func
 def expect(T: Trial, i: int, k: int):
-    """What a point's correction makes of its normal force, and how long it is. Friction goes by that force, and moves what
+    """Normal force of a point as its correction makes it, and how long that is. Friction goes by that force, and moves what
     makes it, at times to and fro: a change that turns back by more than half of the last is halved."""
     z = T.z[i, k]
     hit = T.hit[i, k]

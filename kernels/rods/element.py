@@ -55,7 +55,7 @@ def twist(t0: wp.vec3d, t1: wp.vec3d, m0: wp.vec3d, m1: wp.vec3d, last: wp.float
 
 @wp.func
 def spinning(s: wp.vec3d, rest: wp.vec3d):
-    """What stiffness of bending knows of the angles of its two edges, over B: the gradient of kappa 1 and 2 by either of them
+    """Part of the stiffness of bending that the angles of two edges have, over B: the gradient of kappa 1 and 2 by either
     [1/rad], and what adds to the stiffness of each against itself.
 
     With kappa turned by the mean angle a, E / B = |kappa|^2 / 2 - kappa . rest + ..: of the first part the angle changes

@@ -21,9 +21,9 @@ sweep makes of the push that it found, and Q' what the one before made,
 
 Where one thread does all (`turns`, a CPU by XPBD) and a list is made in each substep (words[NARROW]), sweeps before those take
 pairs in turn: each finds its points where those before it have put them (Gauss-Seidel), so that W is the exact mass, sum_k
-b_k^2 w_k, and nothing is summed up. The list was made by one thread, too: its order is the same from run to run. Of a jam of
-20,000 pairs 250 sweeps of all at once left some nearer than half of what they keep, 24 in turn none. What rests is pressed by
-all at once, which share it evenly: in turn their order would say which of many pairs bear it.
+b_k^2 w_k, and nothing is summed up. The list was made by one thread, too: its order is the same from run to run. Of one jam of
+20,000 pairs that was looked at 250 sweeps of all at once left some nearer than half of what they keep, 24 in turn none. What
+rests is pressed by all at once, which share it evenly: in turn their order would say which of many pairs bear it.
 """
 
 from functools import cache

@@ -18,6 +18,13 @@ that go another way have wide tubes. L is LASTS, or SPARE times what the widest 
 furthest: with it a list ends, however wide the others' are (SPARE, since it is another point each time). Where the widest would
 not have lasted for PAYS substeps, all tubes are as narrow as they may be: there a list is made in each, and what counts is how
 many pairs it has.
+
+Wide tubes cost as many pairs more as there are pairs: with more than MANY a point by tubes of beta, `dense` times MANY, the
+widest is smaller by sqrt(dense), and has to last for min(dense, DEAR) times PAYS substeps. Where the list that is made behind
+the solve would not last beyond its substep, it serves the proof alone: tubes of THIN beta (twice that for each further list of
+the substep, 4 THIN at most), and pairs that come within PROOF of what they keep, since a proof asks for the rounding of a file
+only (thicknesses of less than 8 units of it are warned of: PROOF of them is 2, and 1.75 are asked for). The next substep has a
+list of its own, whose tubes have NARROW beta.
 """
 
 from functools import cache
@@ -34,8 +41,8 @@ LEAD, LONG = 16, 2.0                     # substeps that tubes lead ahead at mos
 GROWS = 2                                # times the last list's substeps that tubes lead ahead at most
 LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the widest tube over beta; least over that before
 PAYS, SPARE = 1.4, 3.0                   # substeps that lists last, at least, where tubes are widened; see above
-MANY, DEAR = 40.0, 3.0                   # pairs a point; see above
-NARROW, THIN, PROOF = 0.5, 0.25, 0.25    # of beta, of beta, of what pairs keep: see above
+MANY, DEAR = 40.0, 3.0                   # pairs a point; times PAYS at most, that wide tubes have to last; see above
+NARROW, THIN, PROOF = 0.5, 0.25, 0.25    # of beta: tubes behind a list for a proof, and of one; of what pairs keep; see above
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
 

@@ -53,7 +53,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
 
     @wp.func
     def measure(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, i: int, k: int):
-        """What a point leaves for the elimination."""
+        """Numbers that a point leaves for the elimination."""
         n = S.points[k]
         p = Step()
         p.h = A.h
@@ -86,7 +86,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
 
     @wp.func
     def judge(T: Trial, A: Parts, z: wp.float64, k: int, said: wp.array2d(dtype=wp.float64)):
-        """What the greatest correction z [m] says: the part of it that is taken, and whether the substep ends."""
+        """Part of the greatest correction z [m] that is taken, and whether the substep ends."""
         short = A.least[k]
         share = eased(A.share[k], z, A.before[k], A.count[k])
         A.share[k] = share

@@ -32,9 +32,9 @@ def squeezed(times: float = 1.0, **solver):
 @pytest.mark.parametrize("solver", first_and_slow([
     *solvers("newton", "xpbd", "xpbd bdf2", "newton bdf2", "newton midpoint"), LEAPFROG]))
 def test_a_light_sheet_between_heavy_ones_takes_the_velocity_of_all(solver):
-    """Along the blow within 2 % of the 16 m/s, or times 3, behind three frames (points lie beside points, so sheets are bent by
-    the blow, tremble, and go apart across it by 0.25 m/s, of which the formula says nothing); momentum to 1e-6; nothing cut,
-    held or projected."""
+    """Along the blow within 2 % of the 16 m/s, or times 3, behind three frames, and as little across it, of which the formula
+    says nothing (points lie beside points, so sheets are bent by the blow, and tremble: by BDF2 at 0.22 and 0.25 m/s);
+    momentum to 1e-6; nothing cut, held or projected."""
     sim = run(squeezed(**solver))
     before, _, size, _ = moments(sim)
     mean = before / sim.model.stack("masses").sum()
@@ -45,4 +45,5 @@ def test_a_light_sheet_between_heavy_ones_takes_the_velocity_of_all(solver):
     assert told["cut"] == told["held"] == told["projected"] == 0, told
     assert np.abs(moments(sim)[0] - before).max() < 1e-6 * size
     for b in sim.model.bodies:
-        assert abs(sim.velocities(b.path)[:, 1].mean() - mean[1]) < 0.02 * 16.0 * solver.get("times", 1.0)
+        off = sim.velocities(b.path).mean(axis=0) - mean
+        assert max(abs(off[1]), np.hypot(off[0], off[2])) < 0.02 * 16.0 * solver.get("times", 1.0)

@@ -1,4 +1,4 @@
-"""How deep points, triangles and edges are inside of colliders: by kernels/contact/penetration.py, and inside of convex ones in
+"""Depths of points, triangles and edges inside of colliders: by kernels/contact/penetration.py, and inside of convex ones in
 NumPy and float64, for scenes of so few that compiling those kernels costs more, and the same numbers.
 
 phi, the signed distance of `wsim.scene.solids`, is convex: on a triangle it stays above every tangent. A triangle whose
@@ -38,7 +38,7 @@ def indicators(contacts: "Contacts", x) -> dict[str, float]:
 
 
 def by_device(contacts: "Contacts", x) -> dict[str, float]:
-    """By kernels that are compiled when first asked for."""
+    """Depths by kernels that are compiled when first asked for."""
     import warp as wp
 
     from wsim.kernels.contact import penetration

@@ -55,7 +55,7 @@ class Straight:
         return self.p[k] + s * (self.p[last] - self.p[k]), rotation.multiply(self.q[k], rotation.exponential(s * self.turn[k]))
 
     def fastest(self, t: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """As the function of that name has them."""
+        """Bounds as the function of that name has them."""
         way, angle = (np.diff(np.interp(t, self.times, gone)) for gone in self.gone)
         last = len(self.times) - 1
         ends = np.stack([np.searchsorted(self.times, t[:-1], side="right") - 1, np.searchsorted(self.times, t[1:])], axis=1)
