@@ -98,7 +98,7 @@ def slope(r: Recording, name: str, way: np.ndarray, by: dict, size: float) -> tu
         r.run()
         near, far = (losses[2] - losses[1]) / (2.0 * step), (losses[3] - losses[0]) / (4.0 * step)
         noise = 4e-16 * sum(map(abs, losses)) / step
-        if abs(near - far) < 5e-9 * abs(near) + noise:
+        if abs(near - far) < 1e-9 * abs(near) + noise:
             break
     else:
         raise AssertionError(f"{name}: no step is without a kink")
