@@ -89,8 +89,8 @@ def test_weights_of_blend_shapes_have_the_slope_of_differences(solver, step, axe
 @pytest.mark.parametrize(("solver", "method", "step"), first_and_slow([
     ("xpbd", LINEAR, 1e-4), ("xpbd", DUAL, 1e-4), ("leapfrog", LINEAR, 2e-5), ("implicit", LINEAR, 1e-4)]))
 def test_joint_angles_have_the_slope_of_differences(solver, method, step):
-    """Differences by steps of 1e-4 rad, which move 0.2 m by 2e-5 m, of which float32 rounds 1.5e-8 m; by leapfrog, where contacts
-    come and go within 5e-5 rad, by shorter ones."""
+    """Differences by steps of 1e-4 rad, which move 0.2 m by 2e-5 m, of which float32 rounds 1.5e-8 m; by leapfrog, where
+    contacts come and go within 5e-5 rad, by shorter ones."""
     found, expected = slope(worn(solver, method, turned=0.003), "turns", step)
     assert abs(expected) > 1.0 and found == pytest.approx(expected, rel=7e-4)
 

@@ -14,7 +14,8 @@ from wsim.scene import Box, Capsule, Collider, Scene, SceneError, Surface, shape
 from wsim.scene.check.scene import check
 from wsim.scene.curve import Curve, Motion
 
-SOLVERS = {"xpbd": {"solver": "xpbd", "integrator": "bdf2"}, "explicit": {"solver": "explicit", "integrator": "leapfrog", "substeps": 64},
+SOLVERS = {"xpbd": {"solver": "xpbd", "integrator": "bdf2"},
+           "explicit": {"solver": "explicit", "integrator": "leapfrog", "substeps": 64},
            "implicit": {"solver": "implicit", "integrator": "backward_euler"},
            "midpoint": {"solver": "implicit", "integrator": "implicit_midpoint"}}
 
