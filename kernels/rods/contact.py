@@ -17,7 +17,8 @@ where N is what it is pressed with: let go it would dive in again, and be thrown
 Hintermueller, Ito, Kunisch 2002). A point that an iteration finds inside anew has no friction in that one: by the force of its
 depth friction may throw it out again. No substep is solved with such a point, nor while one is drawn.
 
-Colliders go straight from where they are at the start of a substep to where they are at its end.
+Colliders go straight from where they are at the start of a substep to where they are at its end. A mesh that deforms has a
+shape at each of these times; what a point slides over is the place of the mesh that is nearest to it.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -48,7 +49,7 @@ SURE = wp.constant(wp.float64(0.25))
 class Colliders:
     kind: wp.array(dtype=int)                       # as kernels/contact has it
     size: wp.array(dtype=wp.vec3d)                  # [m]
-    mesh: wp.array(dtype=wp.uint64)                 # of a surface
+    mesh: wp.array2d(dtype=wp.uint64)               # of a surface, at the starts and ends of substeps
     friction: wp.array2d(dtype=wp.vec2d)            # static, dynamic, (colliders, strands)
     thick: wp.array(dtype=wp.float64)               # kept beside the strand's radius [m]
     frame: wp.array2d(dtype=wp.mat44d)              # own frame to world at the starts and ends of substeps
@@ -156,34 +157,45 @@ def forget(T: Trial, i: int, k: int):
 
 @cache
 def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
-    """Functions touch(C, S, Q, T, hh, at, i, k) -> Touch of a point in the substep at, hh: h^2; signed(C, c, q) -> distance [m]
-    and normal of a place q in the frame of a collider. kinds: of colliders, "" none."""
+    """Functions touch(C, S, Q, T, hh, at, i, k) -> Touch of a point in the substep at, hh: h^2; signed(C, c, at, q) -> distance
+    [m] and normal of a place q in the frame of a collider, where a substep ends, and the same place of it where that began.
+    kinds: of colliders, "" none."""
     convex = distance(tuple(name for name in kinds if name not in ("solid", "sheet")) or ("sphere",))
     solid, sheet = "solid" in kinds, "sheet" in kinds
 
     @wp.func
-    def signed(C: Colliders, c: int, q: wp.vec3d):
+    def moved(C: Colliders, c: int, at: int, q: wp.vec3d, p: wp.vec3d, face: int, u: float, v: float):
+        """q, as the place of a mesh nearest to it, p, was where the substep began."""
+        if C.mesh[at, c] == C.mesh[at + 1, c]:
+            return q
+        return q + (wp.vec3d(wp.mesh_eval_position(C.mesh[at, c], face, u, v)) - p)
+
+    @wp.func
+    def signed(C: Colliders, c: int, at: int, q: wp.vec3d):
         phi = FAR
         n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+        before = q
         if wp.static(solid):
             if C.kind[c] == SOLID:
-                near = wp.mesh_query_point_sign_normal(C.mesh[c], wp.vec3f(q), float(1.0e6))
+                near = wp.mesh_query_point_sign_normal(C.mesh[at + 1, c], wp.vec3f(q), float(1.0e6))
                 if near.result:
-                    p = wp.vec3d(wp.mesh_eval_position(C.mesh[c], near.face, near.u, near.v))
+                    p = wp.vec3d(wp.mesh_eval_position(C.mesh[at + 1, c], near.face, near.u, near.v))
                     phi = wp.float64(near.sign) * wp.length(q - p)
                     n = wp.normalize(q - p) * wp.float64(near.sign)
+                    before = moved(C, c, at, q, p, near.face, near.u, near.v)
         if wp.static(sheet):
             if C.kind[c] == SHEET:
-                near = wp.mesh_query_point_no_sign(C.mesh[c], wp.vec3f(q), float(1.0e6))
+                near = wp.mesh_query_point_no_sign(C.mesh[at + 1, c], wp.vec3f(q), float(1.0e6))
                 if near.result:
-                    p = wp.vec3d(wp.mesh_eval_position(C.mesh[c], near.face, near.u, near.v))
+                    p = wp.vec3d(wp.mesh_eval_position(C.mesh[at + 1, c], near.face, near.u, near.v))
                     phi = wp.length(q - p)
                     n = wp.normalize(q - p)
+                    before = moved(C, c, at, q, p, near.face, near.u, near.v)
         if C.kind[c] < SOLID:
             found, m = convex(C.kind[c], C.size[c], q)
             phi = found
             n = m
-        return phi, n
+        return phi, n, before
 
     @wp.func
     def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
@@ -196,7 +208,7 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
         for c in range(C.kind.shape[0]):
             frame = C.frame[at + 1, c]
             q = wp.transform_point(C.back[at + 1, c], x)
-            phi, m = signed(C, c, q)
+            phi, m, before = signed(C, c, at, q)
             deep = S.radius[i, k] + C.thick[c] - phi
             N, slope = press(stiff, w, deep)
             n = wp.transform_vector(frame, m)
@@ -204,7 +216,7 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
                 side.c = c
                 side.n = n
                 side.deep = deep
-                side.slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], q))
+                side.slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], before))
                 side.hit = wp.vec4d(n[0] * slope, n[1] * slope, n[2] * slope, N)
             if N > wp.float64(0.0):
                 found.f = found.f + n * N

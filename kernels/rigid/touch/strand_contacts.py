@@ -101,7 +101,7 @@ def meeting(kinds: tuple[str, ...]):
         ball = W.ball[c]
         thick = S.radius[i, k] + C.thick[c]
         if W.world[c] == W.strand[k] and wp.length(x - wp.vec3d(ball[0], ball[1], ball[2])) < ball[3] + thick + margin:
-            phi, n0 = signed(C, c, wp.transform_point(wp.transform_inverse(W.pose1[c]), x))
+            phi, n0, _ = signed(C, c, 0, wp.transform_point(wp.transform_inverse(W.pose1[c]), x))
             deep = thick - phi
             n = wp.transform_vector(W.pose1[c], n0)
         return deep, n

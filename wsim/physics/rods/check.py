@@ -34,9 +34,9 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     yield from _edges(rods)
     yield from _pins(rods)
     for c in scene.colliders:
-        if isinstance(c.shape, Surface) and c.shape.poses is not None:
-            yield warning(path, f"the mesh {c.path} deforms, and strands meet its shape at the start", "rigid colliders",
-                          "animate the prim, not its points")
+        if isinstance(c.shape, Surface) and getattr(getattr(c.shape.poses, "skeleton", None), "bodies", None):
+            yield warning(path, f"rigid bodies drive the joints of the mesh {c.path}, and strands meet its shape at the start",
+                          "meshes that are still or animated", "give the joints keys")
     if np.any(scene.wind) and not (rods.drag or rods.skin_drag):
         yield warning(path, "strands do not feel the wind: drag and skin_drag are 0", "numbers > 0", "author wsim:drag")
     through = [b.path for b in scene.bodies() if not (rods.self_collision and getattr(b, "self_collision", False))]
