@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from wsim.scene import Scene, shapes
+from wsim.physics.rigid.objects import Body
+from wsim.scene import Box, Collider, Motion, Plane, Scene, shapes
 from wsim.scene.fabric import Fabric
 from wsim.simulation.measure.columns import columns
 from wsim.simulation.measure.indicators import edge_strain, rows
@@ -167,3 +168,21 @@ def test_cells_of_a_table_stand_below_each_other():
     rows = [("a", "1", "x"), ("long", "22", "")]
     assert columns(rows, "<><") == ["a      1  x", "long  22   "]
     assert columns(rows, "<><", (6, None, 0), gap="|") == ["a     | 1|x", "long  |22|"]
+
+
+def test_methods_do_not_write_over_indicators_of_each_other():
+    """Points on a floor, of surfaces on each other, and a body: each name is of one thing."""
+    scene = Scene(fps=60.0, substeps=8, iterations=4, solver="xpbd")
+    for k in range(2):
+        points, counts, indices = shapes.sheet(0.2, 0.2, 6, 6, horizontal=True)
+        scene.cloth(f"/sheet{k}", np.array(points) + (0.0, 1e-3 + 2e-3 * k, 0.0), counts, indices, self_collision=True,
+                    material=Fabric(thickness=2e-3))
+    scene.collider("/floor", Plane("Y"))
+    scene.add(Body("/box", [Collider("/box/shape", Box((0.1, 0.1, 0.1)))], Motion.at_place((1.0, 0.1, 0.0))))
+    sim = Simulation(scene, **DOUBLE)
+    sim.run(3)
+    x, v = np.asarray(sim.state.x.numpy(), np.float64), np.asarray(sim.state.v.numpy(), np.float64)
+    each = [list(method.indicators(x, v)) for method in sim.plan.methods]
+    names, told = [name for some in each for name in some], sim.indicators()
+    assert len(names) == len(set(names)) and {"contacts", "surface_contacts", "rigid_overlap"} <= set(names)
+    assert told["contacts"] == 49 and told["surface_contacts"] > 20

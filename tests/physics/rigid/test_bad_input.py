@@ -7,7 +7,8 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from tests.physics.rigid.pairs import WHERE
 from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.objects import Body
-from wsim.scene import Box, Collider, Plane, Scene, SceneError
+from wsim.physics.rods.objects import Rods
+from wsim.scene import Box, Collider, Plane, Scene, SceneError, shapes
 from wsim.scene.check.scene import check
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
@@ -114,3 +115,30 @@ def test_bodies_that_nothing_can_stop_are_warned_of_once(said):
     hung.add(Joint("/joint", body0="", body1="/b"))
     pushed.things("Body")[0].force[1] = 1.0
     assert not found(landed) and not found(hung) and not found(pushed) and not found(two(gravity=(0.0, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize("kind", ["cloth", "rods"])
+@pytest.mark.parametrize("target", ["/box", "/box/shape", "/box/hook"])
+def test_a_pin_whose_target_moves_with_a_body_is_an_error_in_python_too(kind, target):
+    """It hung where the body starts; the stage that the scene saves is refused for it."""
+    scene = Scene(frames=1)
+    scene.add(Body("/box", [Collider("/box/shape", Box((0.1, 0.1, 0.1)))], Motion.at_place((0.0, 1.0, 0.0))))
+    scene.collider("/floor", Plane())
+    if kind == "cloth":
+        scene.pin("/tied", scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 2, 2, horizontal=True)), [0], target=target)
+    else:
+        scene.add(Rods("/rope", [(0.05 * k, 1.5, 0.0) for k in range(3)], [3])).pin("/tied", [0], target=target)
+    with pytest.raises(SceneError) as error:
+        Simulation(scene, device="cpu")
+    said = (f"/tied: its target is {target}, which moves with the rigid body /box; allowed: what is still, animated or "
+            "kinematic: points cannot be joined to a body that forces move, and would hang where it starts")
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize("target", ["", "/boxes", "/box/lift"])
+def test_a_pin_whose_target_does_not_move_with_a_body_holds(target):
+    scene = Scene(frames=1)
+    scene.add(Body("/box", [Collider("/box/shape", Box((0.1, 0.1, 0.1)))], Motion.at_place((0.0, 1.0, 0.0))))
+    scene.collider("/box/lift", Plane())
+    scene.pin("/tied", scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 2, 2, horizontal=True)), [0], target=target)
+    assert not [p for p in check(scene) if p.fatal]

@@ -251,7 +251,7 @@ def test_strands_that_fall_on_a_soft_body_lie_on_it(solver):
         assert crossed(sim) == 0
     now = sim.plan.method("rods").points(0)[0]
     found = sim.plan.method("selfcontact").indicators(None, None)
-    assert found["contacts"] > 0 and found["held"] == 0
+    assert found["surface_contacts"] > 0 and found["held"] == 0
     assert now[:, 1].min() > 0.4 * THICK                                        # the floor holds them too
     assert (now.reshape(3, 21, 3)[:, 10, 1] > 0.15).all()                       # their middles are on the block
 
@@ -279,7 +279,7 @@ def test_what_is_written_a_kilometre_away_does_not_cross_either():
         sim.step()
         assert crossed(sim) == 0
     found = sim.plan.method("selfcontact").indicators(None, None)
-    assert found["contacts"] > 0 and found["held"] == 0
+    assert found["surface_contacts"] > 0 and found["held"] == 0
 
 
 def test_a_run_goes_on_from_its_file_to_the_bit(tmp_path):

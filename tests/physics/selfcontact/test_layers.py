@@ -38,7 +38,7 @@ def test_fifty_layers_that_are_thrown_and_turn_keep_their_path_and_their_turn(so
         searches.append(said(sim)["searches"])
     told = said(sim)
     assert sim.plan.integrator == solver["integrator"]
-    assert told["near_pairs"] > 1000 and told["contacts"] == told["projected"] == told["cut"] == told["held"] == 0
+    assert told["near_pairs"] > 1000 and told["surface_contacts"] == told["projected"] == told["cut"] == told["held"] == 0
     assert searches[-1] - searches[0] <= (FRAMES - 1) / 5 and crossed(sim) == 0
 
 
@@ -55,7 +55,7 @@ def test_layers_that_change_their_momentum_are_said_to_touch(solver):
         sim.step()
         now, told = sim.velocities("/layer0").mean(axis=0), said(sim)
         if np.linalg.norm(now - v) > 0.1:
-            assert told["contacts"] >= 64 and told["touching"] == 128
+            assert told["surface_contacts"] >= 64 and told["touching"] == 128
             anew += told["searches"] - searches > 1
         v, searches = now, told["searches"]
-    assert abs(v[1]) < 0.5 and told["contacts"] == told["touching"] == 0 < anew
+    assert abs(v[1]) < 0.5 and told["surface_contacts"] == told["touching"] == 0 < anew

@@ -48,6 +48,7 @@ def _body(body: Body, scene: Scene) -> Iterator[Problem]:
         yield from _nested([other.path for other in scene.things("Body")])
         yield from _support(body, scene)
     yield from _beside(body, scene)
+    yield from _attached(body, scene)
     wrong = [p for c in body.colliders for p in _collider(path, c)]
     yield from wrong
     if not any(p.fatal for p in wrong):
@@ -66,6 +67,18 @@ def _nested(paths: list[str]) -> Iterator[Problem]:
         for outer in [path] * (counts[path] > 1) + [p for p in above if p in counts]:
             yield error(path, f"is a rigid body within the rigid body {outer}", "bodies apart in the stage",
                         "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
+
+
+def _attached(body: Body, scene: Scene) -> Iterator[Problem]:
+    """Pins whose target is the body or lies in it, save in a collider of its own, which is still, animated or kinematic."""
+    def within(path: str, outer: str) -> bool:
+        return path == outer or path.startswith(f"{outer}/")
+    apart = [c.path for c in scene.colliders if within(c.path, body.path)]
+    for pin in (p for holder in (scene, *scene.things("Rods")) for p in holder.pins):
+        if within(pin.target, body.path) and not any(within(pin.target, path) for path in apart):
+            yield error(pin.path, f"its target is {pin.target}, which moves with the rigid body {body.path}",
+                        "what is still, animated or kinematic: points cannot be joined to a body that forces move, and would "
+                        "hang where it starts", f"name another target, or make {body.path} a collider with a motion")
 
 
 def _support(first: Body, scene: Scene) -> Iterator[Problem]:

@@ -173,17 +173,17 @@ class Near:
         return swept[touch], near.four[:count].numpy()[touch]
 
     def told(self, free: bool) -> dict[str, float]:
-        """near_pairs: of surfaces, in the last list; contacts: those that push; touching: their points; thin: part of them
-        that is nearer than half of what they keep; least_gap [m] of all, where the last substep began (of what does not meet a
-        bound below it); flicker: part of what is pushed with, in that substep and the one before, that is of pairs which push
-        in one of them only: none at rest (where the list was made between them nothing is known of it). free: nothing was near
-        in the last frame."""
+        """near_pairs: of surfaces, in the last list; surface_contacts: those that push; touching: their points; thin: part of
+        them that is nearer than half of what they keep; least_gap [m] of all, where the last substep began (of what does not
+        meet a bound below it); flicker: part of what is pushed with, in that substep and the one before, that is of pairs which
+        push in one of them only: none at rest (where the list was made between them nothing is known of it). free: nothing was
+        near in the last frame."""
         near = self.pairs
         count = 0 if free else min(int(near.count.numpy()[0]), near.capacity)
         touch, ids = self.pushing(free)
         points = np.unique(ids[touch[:, pairs.B] != 0.0])
         thin = touch[:, pairs.NORMAL, 3] < 0.5 * touch[:, pairs.PUSH, 3]
-        found = {"near_pairs": float(count), "contacts": float(len(touch)), "touching": float(len(points)),
+        found = {"near_pairs": float(count), "surface_contacts": float(len(touch)), "touching": float(len(points)),
                  "thin": float(thin.mean()) if len(touch) else 0.0}
         if count:
             found["least_gap"] = float(near.gap.numpy()[:count].min())
