@@ -24,14 +24,15 @@ if TYPE_CHECKING:
 
 
 class Ground(Launches):
-    """The part of a model that search and proof ask for: float64, in a module of its own. points: flat rows of the tables."""
+    """The part of a model that search and proof ask for: float64, in a module of its own. points: flat rows of the tables;
+    modules: those that the model loads."""
 
     recorder = tape = fuser = None
     real, dtype = wp.float64, np.float64
 
-    def __init__(self, module: str, device, points: int, worlds: int, block: int):
-        self.module, self.device, self.points, self.worlds = module, device, points, worlds
-        self.threads = block
+    def __init__(self, module: str, strands: Strands, points: int, worlds: int):
+        self.module, self.modules, self.device = module, strands.model.modules, strands.model.device
+        self.points, self.worlds, self.threads = points, worlds, strands.threads
 
     @property
     def block(self) -> int:
@@ -51,7 +52,7 @@ class Together:
         self.strands, self.table, self.status = strands, strands.table, status
         self.bodies: Bodies | None = None
         t, worlds = self.table, strands.model.worlds
-        self.ground = Ground(module, device, t.longest * t.strands, worlds, strands.threads)
+        self.ground = Ground(module, strands, t.longest * t.strands, worlds)
         names = strands.obstacles.kinds
         (self.begin, self.begin_worlds, self.assemble, self.measure, self.judge, self.take) = coupled.newton(
             names, strands.airy, module)

@@ -32,10 +32,11 @@ class Apart:
     """room, word, look_at: what explicit steps ask of bounds of their own
     (`wsim.physics.contact.clearance.Clearance`)."""
 
-    def __init__(self, method: SelfContact, b: Build):
+    def __init__(self, method: SelfContact, b: Build, module: str):
+        """module: of its kernel."""
         self.method, self.model, self.state = method, b.model, b.state
         real, device, n = b.model.real, b.model.device, b.model.points
-        self.way = tubes.way(real, b.model.module)
+        self.way = tubes.way(real, module)
         self.d = wp.zeros(n, dtype=types(real).vec3, device=device)
         self.whole = b.alone
         self.room = wp.full(n, ENDLESS, dtype=real, device=device) if b.alone else None

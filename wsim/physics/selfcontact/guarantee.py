@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import warp as wp
 
 from wsim.kernels.selfcontact import certificate, cut, pairs
+from wsim.physics.selfcontact.modules import core
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 class Guarantee:
     def __init__(self, model: Model, near: Near, whole: bool = False):
         """whole: normals and weights of all pairs are read where a substep begins, not of those that meet alone."""
-        real, module = model.real, model.module
+        real, module = model.real, core(model)
         self.model, self.near, self.surfaces, self.whole = model, near, near.surfaces, whole
         self.inspect, self.share = certificate.inspect(real, module), certificate.share(real, module)
         self.project, self.proceed = certificate.project(real, module), certificate.proceed(module)

@@ -24,6 +24,7 @@ from wsim.model.structs import filled
 from wsim.physics.selfcontact import fast
 from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import Guarantee
+from wsim.physics.selfcontact.modules import sweeps
 from wsim.physics.selfcontact.near import Near
 from wsim.physics.selfcontact.settle import Settle
 from wsim.physics.selfcontact.start import reports
@@ -57,7 +58,6 @@ class SelfContact(Method):
         self.bounce: Any = None          # what they throw back with, `wsim.physics.contact.restitution.Bounce`
         self.prolonged = getattr(b.methods.find("contact"), "prolonged", None)
         b.status.reserve(SAID, cut.SAID)
-        real, module = b.model.real, b.model.module
         self.fast = fast.Fast(b.model, b.clock)
         self.strands = b.methods.find("strands")
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
@@ -66,7 +66,6 @@ class SelfContact(Method):
         self.near = Near(b.model, self.surfaces)
         whole = b.clock.integrator.beyond        # which ends far from where it begins: normals of before prove less of it
         self.guarantee = Guarantee(b.model, self.near, whole)
-        self.nearer, self.further = rows.nearer(real, module), rows.further(module)
         self.total = np.zeros(cut.SAID, np.int64)
         self.frames = self.repeats = self.run = 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
@@ -74,7 +73,9 @@ class SelfContact(Method):
         self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
         self.sweeps = SWEEPS if within else BEHIND
         turns = within and not b.model.device.is_cuda
+        real, module = b.model.real, sweeps(b.model, turns)
         self.lean, self.press = rows.lean(real, module), rows.press(real, module, turns)
+        self.nearer, self.further = rows.nearer(real, module), rows.further(module)
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         if self.obstacles:
             what += f"; {len(self.obstacles.triangles)} triangles are colliders'"
@@ -87,7 +88,7 @@ class SelfContact(Method):
         for stage in self.stages:
             stage.frames = MET
         self.settle = self._settle()
-        self.apart = Apart(self, b)
+        self.apart = Apart(self, b, module)
         self.stages.append(self.apart.stage)
         self.offers = {"clearance": self.apart, "self-contact": self}
 

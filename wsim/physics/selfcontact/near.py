@@ -11,6 +11,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, search, tubes
 from wsim.model.structs import filled
+from wsim.physics.selfcontact.modules import core
 from wsim.physics.selfcontact.tree import Order, Tree
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class Near:
 
     def __init__(self, model: Model, surfaces: Surfaces):
         self.model, self.surfaces = model, surfaces
-        real, module, device, t = model.real, model.module, model.device, types(model.real)
+        real, module, device, t = model.real, core(model), model.device, types(model.real)
         self.tally, self.fold, self.fit = tubes.tally(real, module), tubes.fold(real, module), tubes.fit(real, module)
         self.axes, self.watch, self.thin = tubes.axes(real, module), tubes.watch(real, module), tubes.thin(real, module)
         self.meet, self.sift = search.meet(real, module), search.sift(real, module)

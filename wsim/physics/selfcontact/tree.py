@@ -9,6 +9,7 @@ import warp as wp
 
 from wsim.kernels.selfcontact import tree as kernels
 from wsim.model.structs import filled
+from wsim.physics.selfcontact.modules import core
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -23,7 +24,7 @@ class Order:
     def __init__(self, model: Model, surfaces: Surfaces, kind: int, rows: list[np.ndarray]):
         """rows: of one length; -1: none."""
         self.model, self.surfaces, self.kind, self.each = model, surfaces, kind, len(rows[0])
-        self.number = kernels.number(model.real, model.module)
+        self.number = kernels.number(model.real, core(model))
         own = np.concatenate(rows).astype(np.int32)
         self.room = wp.array(np.concatenate([own, own]), dtype=int, device=model.device)        # twice: what sorting takes
         self.key = wp.zeros(len(self.room), dtype=wp.int64, device=model.device)
@@ -42,7 +43,7 @@ class Tree:
     def __init__(self, model: Model, surfaces: Surfaces, kind: int, span: slice):
         """kind: 0 of triangles, 1 of edges; span: those of the tables of surfaces."""
         self.model, self.surfaces, self.kind = model, surfaces, kind
-        self.lay, self.join = kernels.lay(model.real, model.module), kernels.join(model.module)
+        self.lay, self.join = kernels.lay(model.real, core(model)), kernels.join(core(model))
         table = (surfaces.triangles, surfaces.edges)[kind][span]
         self.number, world = len(table), surfaces.world[table[:, 0]]
         own = [span.start + np.flatnonzero(world == k) for k in range(model.worlds)]

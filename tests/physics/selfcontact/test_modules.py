@@ -1,0 +1,64 @@
+"""Kernels of search, proof and sweeps are compiled once for all scenes whose surfaces touch."""
+
+import pytest
+import warp as wp
+
+from tests.physics.rods.test_touch import thrown
+from tests.physics.selfcontact.rig import SOLVERS, layers
+from wsim.physics.selfcontact import modules as shared
+from wsim.simulation.simulation import Simulation
+
+CORE = len(shared.CORE) + len(shared.CORE_WORDS)
+SWEEPS = len(shared.SWEEPS) + len(shared.SWEEPS_WORDS) + 1               # press
+
+
+def simulated(solver: str, **more) -> Simulation:
+    return Simulation(layers(2, 4, 5e-3, **SOLVERS[solver]), device="cpu", **more)
+
+
+def kernels(module: str) -> set[str]:
+    """Names of the functions that are the kernels of a module."""
+    return {key.partition("__locals__")[0] for key in wp.get_module(module).kernels}
+
+
+def modules(sim: Simulation) -> dict[str, int]:
+    """Number of kernels in each module that a plan's are in, by name."""
+    return {name: len(wp.get_module(name).kernels) for name in (sim.model.module, *sim.model.modules)}
+
+
+def test_another_scene_finds_what_the_first_has_loaded():
+    """None of it is in the module of either plan, and what is loaded stays as it is."""
+    first = simulated("newton")
+    first.load()
+    module = wp.get_module("wsim_selfcontact_f32")
+    loaded, digest = dict(module.execs), module.get_module_hash(1)
+    assert loaded
+    for solver in ("leapfrog", "xpbd"):
+        other = simulated(solver)
+        other.step()
+        assert other.model.module != first.model.module
+        assert module.get_module_hash(1) == digest and module.execs == loaded
+        for sim in (first, other):
+            assert not kernels(sim.model.module) & {key for name in sim.model.modules for key in kernels(name)}
+
+
+@pytest.mark.parametrize("solver, precision, wanted", [
+    ("newton", "float32", {"wsim_selfcontact_f32": CORE, "wsim_selfcontact_sweeps_f32": SWEEPS}),
+    ("xpbd", "float32", {"wsim_selfcontact_f32": CORE, "wsim_selfcontact_sweeps_turns_f32": SWEEPS}),
+    ("newton midpoint", "float64", {"wsim_selfcontact_f64": CORE, "wsim_selfcontact_sweeps_f64": SWEEPS})])
+def test_modules_hold_the_same_kernels_in_every_plan(solver, precision, wanted):
+    sim = simulated(solver, precision=precision)
+    found = modules(sim)
+    del found[sim.model.module]
+    assert found == wanted
+
+
+def test_ropes_share_the_core_and_have_none_of_the_sweeps():
+    found = modules(Simulation(thrown()[0], device="cpu"))
+    assert found["wsim_selfcontact_f64"] == CORE and not any("sweeps" in name for name in found)
+
+
+def test_kernels_of_the_core_have_no_adjoint():
+    sim = simulated("newton")
+    for name in sim.model.modules:
+        assert not any(k.options["enable_backward"] for k in wp.get_module(name).kernels.values())

@@ -1,0 +1,51 @@
+"""Modules of kernels that scenes with self-contact share: compiled once, and found in Warp's cache by later scenes, whatever
+their solver. What only some scenes need stays in the module of the plan.
+
+    core        search, proof, projections and cuts, of surfaces and of strands: 3 CPU-s to compile
+    sweeps      contact rows of surfaces, and frames without contacts: 1 CPU-s
+
+Warp knows a module by its set of kernels, and compiles it anew where one comes to it: all of a set are made at once. On CUDA
+the threads of a block are in the name, since strands and surfaces of one plan may have others.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from wsim.kernels.math.real import types
+from wsim.kernels.selfcontact import certificate, cut, pairs, rows, search, tree, tubes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from wsim.model.model import Model
+
+CORE = (tree.number, tree.lay, tubes.tally, tubes.fold, tubes.fit, tubes.axes, tubes.watch, tubes.thin, search.meet,
+        search.sift, search.listed, certificate.inspect, certificate.share, certificate.project, pairs.settle_sums, cut.claim,
+        cut.shorten, cut.cut, cut.tell)
+CORE_WORDS = tree.join, certificate.proceed              # of no precision
+SWEEPS = tubes.way, rows.lean, rows.nearer               # and rows.press
+SWEEPS_WORDS = (rows.further,)
+
+
+def core(model: Model) -> str:
+    """Name of the module of search and proof."""
+    return _made(model, "wsim_selfcontact", CORE, CORE_WORDS)
+
+
+def sweeps(model: Model, turns: bool) -> str:
+    """Name of the module of contact rows. turns: as `rows.press`."""
+    def press(real, module):
+        return rows.press(real, module, turns)
+    return _made(model, f"wsim_selfcontact_sweeps{'_turns' * turns}", (*SWEEPS, press), SWEEPS_WORDS)
+
+
+def _made(model: Model, name: str, kernels: tuple[Callable, ...], words: tuple[Callable, ...]) -> str:
+    """Makes all kernels of a module, which the model loads with its own; returns its name."""
+    name = f"{name}_{types(model.real).name}" + f"_{model.block}" * model.device.is_cuda
+    for make in kernels:
+        make(model.real, name)
+    for make in words:
+        make(name)
+    model.modules[name] = model.block
+    return name
