@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import warp as wp
+from warp._src import build
 
 from wsim.model import kernel_cache
 from wsim.model.compiler import header, source, variants
@@ -109,6 +110,24 @@ def test_the_header_keeps_all_functions_but_adjoints():
     whole = "".join(path.read_text() for path in header.NATIVE.glob("*.h") if path.name in ("vec.h", "mat.h", "quat.h"))
     names = set(re.findall(r"^inline CUDA_CALLABLE [^\n]*?(\w+)\(", whole, re.M)) - set(re.findall(r"\badj_\w+", whole))
     assert len(names) > 40 and all(re.search(rf"\b{name}\(", header.lean()) for name in names)
+
+
+def test_a_process_that_keeps_headers_has_one_without_adjoints_and_compiles_the_same_code_by_it(monkeypatch, tmp_path):
+    """Made by the first module, and read by the second; rooms that a module does without are left out of it."""
+    given, place = tmp_path / "module.cpp", tmp_path / "headers"
+    given.write_text(generated())
+    place.mkdir()
+    compiled, made, binary = [], [], tmp_path / "module.o"
+    for kept in (False, True, True):
+        monkeypatch.setattr(header, "KEPT", kept)
+        variants.rewritten(build.build_cpu, str(binary), str(given), use_precompiled_headers=True, pch_dir=str(place),
+                           block_dim=1)
+        compiled.append(binary.read_bytes())
+        made.append({path: path.stat().st_mtime_ns for path in place.rglob("*.pch")})
+    assert compiled[0] == compiled[1] == compiled[2]
+    assert made[0] == {} and len(made[1]) == 1 and made[1] == made[2]
+    (folder,) = place.iterdir()
+    assert folder.name == "lean_matnn_noise_texture_tile_volume" and "adj_add(" not in (folder / "builtin.h").read_text()
 
 
 def test_what_does_not_compile_rewritten_is_compiled_as_it_was(monkeypatch, tmp_path):

@@ -33,8 +33,13 @@ LOAD = re.compile(r"\s*var_\w+ = wp::load\((var_\w+)\);|\s*[\w:<>, ]+\* (var_\w+
 
 def shorter(text: str) -> str:
     """The source of a module, rewritten."""
-    forward = BACKWARD not in text
-    if forward:
+    short = functions(text)
+    return header.within(short) if BACKWARD not in text else short
+
+
+def functions(text: str) -> str:
+    """The source of a module with its functions rewritten, and its header as it is."""
+    if BACKWARD not in text:
         text = OUTWARD.sub("inline CUDA_CALLABLE ", header.without_adjoints(text))
     structs = {name for name in STRUCT.findall(text) if not name.startswith("wp_args")}
     parts, at = [], 0
@@ -44,8 +49,7 @@ def shorter(text: str) -> str:
             continue
         parts += [text[at:head.start()], _function(head, text[head.end():end], structs)]
         at = end
-    text = "".join([*parts, text[at:]])
-    return header.within(text) if forward else text
+    return "".join([*parts, text[at:]])
 
 
 def _function(head: re.Match, body: str, structs: set[str]) -> str:

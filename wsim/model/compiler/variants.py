@@ -16,10 +16,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from warp._src import build, codegen
 
-from wsim.model.compiler import source
+from wsim.model.compiler import header, source
 
 QUESTION = "cpu_linear_contiguous_specialization_candidate"
 WORDS, APART = "_INLINE_ATTRS", "noinline"
@@ -52,11 +53,14 @@ def rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
     """Compiles what `wsim.model.compiler.source` makes of a module's source; the source itself, where that does not compile."""
     given, short = Path(cpp_path), Path(f"{cpp_path}.{os.getpid()}.cpp")
     text = given.read_text(encoding="utf-8")
-    # Warp's precompiled header holds what a module without a backward pass does without
-    headers = {} if source.BACKWARD in text else {"use_precompiled_headers": False}
     try:
-        short.write_text(source.shorter(text), encoding="utf-8")
-        compiled(obj_path, str(short), *args, **more | headers)
+        code = source.functions(text)
+        how: dict[str, Any] = {}
+        if source.BACKWARD not in text:                  # which does without what Warp's precompiled header holds
+            kept = more.get("pch_dir") if header.KEPT and more.get("use_precompiled_headers") else None
+            code, how = header.precompiled(code, more.get("extra_flags", ""), kept)
+        short.write_text(code, encoding="utf-8")
+        compiled(obj_path, str(short), *args, **more | how)
     except OSError:
         raise
     except Exception:
