@@ -147,7 +147,7 @@ def load(module, device, block_dim: int | None = None) -> None:
                 _remove(_unsound(module.name))
                 SEEN.add(place)
             if not Path(str(place[0]), module.get_module_identifier(1 if device.is_cpu else block_dim)).exists():
-                _probe()
+                probe()
             with variants.single(device.is_cpu):
                 wp.load_module(module, device=device, block_dim=block_dim)
         except SceneError:
@@ -210,7 +210,7 @@ def _fault(error: Exception) -> Exception | None:
     return None
 
 
-def _probe() -> None:
+def probe() -> None:
     """Raises SceneError where the cache does not take what is about to be compiled."""
     probe = Path(str(wp.config.kernel_cache_dir), f"probe_{os.getpid()}")
     try:

@@ -96,9 +96,10 @@ class Launches:
         from wsim.kernels.math.block import BLOCK
         from wsim.model import kernel_cache
         cuda = self.device.is_cuda
-        if wp.get_module(self.module).kernels:                 # rods alone have theirs in modules of their own
-            kernel_cache.load(self.module, self.device, self.block if cuda else None)
-        if cuda and wp.get_module(self.sweep_module).kernels:
-            kernel_cache.load(self.sweep_module, self.device, BLOCK)
-        for name, threads in self.modules.items():
-            kernel_cache.load(name, self.device, threads)
+        own = {self.module: self.block, self.sweep_module: BLOCK} if cuda else {self.module: 1}
+        blocks = {name: block for name, block in own.items() if wp.get_module(name).kernels} | self.modules
+        if len(blocks) > 1:                                    # rods alone have all theirs in modules of their own
+            from wsim.model.compiler.parallel import compile_all
+            compile_all(blocks, self.device)
+        for name, block in blocks.items():
+            kernel_cache.load(name, self.device, block)

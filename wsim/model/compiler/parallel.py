@@ -1,0 +1,35 @@
+"""Compilation in parallel of modules that the cache lacks: Clang and NVRTC run without Python's lock, so that a first frame of
+several modules waits for the longest of them. They are loaded afterwards, one by one, by `wsim.model.kernel_cache.load`, which
+records them in the cache, and says what was wrong with one that did not compile.
+"""
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+
+import warp as wp
+
+from wsim.model import kernel_cache
+from wsim.model.compiler import variants
+
+
+def compile_all(modules: Mapping[str, int | None], device) -> None:
+    """Compiles modules for a device, if there are several that the cache lacks. modules: threads of a block of each, by name,
+    which a CPU does not ask for. Raises SceneError where the cache takes nothing."""
+    with kernel_cache.GATE.alone():
+        blocks = {wp.get_module(name): 1 if device.is_cpu else block for name, block in modules.items()}
+        lacking = {module: block for module, block in blocks.items()
+                   if not Path(str(wp.config.kernel_cache_dir), module.get_module_identifier(block)).exists()}
+        if len(lacking) < 2 or wp.config.use_precompiled_headers:            # of which each thread would make its own
+            return
+        kernel_cache.probe()
+        with variants.single(device.is_cpu), ThreadPoolExecutor(min(len(lacking), os.cpu_count() or 1)) as threads:
+            for module, block in lacking.items():
+                threads.submit(_compile, module, device, block)
+
+
+def _compile(module, device, block: int | None) -> None:
+    with suppress(Exception):
+        module._compile(device, options=module.resolved_options[block])      # of the hash that is the name of its folder
