@@ -5,17 +5,25 @@ bristles (Cundall, Strack 1979).
                                                                      N = k (e + w)^2 / (4 w), else iterations go in and out
     F_t = -k s, |F_t| <= mu N,  s = what it has slid over the collider since it touched, cut back where it slips
 
-In Newton's system: k n n^T, and k (1 - n n^T) where it sticks, mu N / |s| (1 - n n^T) where it slips, along the slip less: as
-far as the last correction was short beside it, and won't turn it back. The N of friction is that of the substep before, at most
-twice the present one (a point that is let go would keep it, and come back), or where there was none at most what stops the
-point and bears its weight, twice: one that an iteration leaves too deep would be thrown aside. The present one is that of the
-last correction, N - k n . z, which is right before places are (`expect`). Friction is with the collider that a point is deepest
-in.
+Newton's system knows both by their forces, not by how deep or how far a point is (mixed, or primal and dual, iterations):
 
-A point that a correction leaves pressed, but outside (strands turn, colliders are round), is drawn back by the tangent of N(e)
-where N is what it is pressed with: let go it would dive in again, and be thrown out, by turns (an active set by multipliers:
-Hintermueller, Ito, Kunisch 2002). A point that an iteration finds inside anew has no friction in that one: by the force of its
-depth friction may throw it out again. No substep is solved with such a point, nor while one is drawn.
+    N <- N + N'(e) (e_new - e)  where N(e) is the N of the last correction     (`draw`; Hintermueller, Ito, Kunisch 2002)
+    mu N / |s| (1 - n n^T - (y s^T + s y^T) / (2 |s|)),  y: friction over mu N as the last correction has it, |y| <= 1
+                                                                               (`rub`; Chan, Golub, Mulet 1999)
+
+A hair's weight presses it by 2e-3 of k w: at the foot of N(e) its N is what the hair makes it, while Newton's method by depth
+halves e + w an iteration. y is the slip's direction in the end: stiffness along the slip is 0 then, and that across before,
+so that no correction turns a slip back and overshoots.
+
+The N of friction is that of the substep before, at most twice the present one (a point that is let go would keep it, and come
+back), or where there was none at most what stops the point and bears its weight, twice: one that an iteration leaves too deep
+would be thrown aside. The present one is that of the last correction, N - k n . z, which is right before places are (`expect`).
+Friction is with the collider that a point is deepest in.
+
+A point that a correction leaves pressed, but outside (strands turn, colliders are round), is drawn back: let go it would dive
+in again, and be thrown out, by turns. One that a correction leaves drawn is let go, even inside. A point that an iteration
+finds inside anew is pressed by its depth, and has no friction in that one: it may throw it out again. No substep is solved with
+a point let go inside, or anew, nor while N is not that of the depth.
 
 Colliders go straight from where they are at the start of a substep to where they are at its end. A mesh that deforms has a
 shape at each of these times; what a point slides over is the place of the mesh that is nearest to it.
@@ -40,9 +48,6 @@ FIRM = wp.constant(wp.float64(0.03))
 SOFT = wp.constant(wp.float64(0.05))         # of a radius, at which a strand floats; less, and grazing points never settle
 TINY = wp.constant(wp.float64(1e-30))
 FAR = wp.constant(wp.float64(1e9))           # [m] farther than anything
-# times a correction over the slip: part of friction's stiffness along the slip that is kept. All of it, and a slip settles by a
-# factor of 0.6 an iteration; nothing, and strands on a ball run in circles; 0.25 to 1 do
-SURE = wp.constant(wp.float64(0.25))
 
 
 @wp.struct
@@ -89,16 +94,18 @@ def press(stiff: wp.float64, w: wp.float64, deep: wp.float64):
 
 
 @wp.func
-def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp.vec2d, along: wp.float64):
-    """Friction of a bristle s across n, under the normal force N. along: stiffness of one that slips along its slip, over that
-    across; 0 in truth, while with 1 iterations settle without a line search, if slowly."""
+def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp.vec2d, lean: wp.vec3d):
+    """Friction of a bristle s across n, under the normal force N. lean: that of one that slips, over - mu N, as the last
+    correction has it; 0: it is as stiff along the slip as across, and iterations settle without a line search, if slowly."""
     across = wp.identity(n=3, dtype=wp.float64) - wp.outer(n, n)
     b = across * s
     size = wp.length(b)
     if k * size > mu[0] * N:
         q = mu[1] * N / size
+        d = b * (wp.float64(0.5) / size)
+        y = across * lean
         t.f = t.f - b * q
-        t.K = t.K + (across - wp.outer(b, b) * ((wp.float64(1.0) - along) / (size * size))) * q
+        t.K = t.K + (across - wp.outer(y, d) - wp.outer(d, y)) * q
         t.s = b * (q / k)
     else:
         t.f = t.f - b * k
@@ -119,32 +126,62 @@ def bound(S: Strands, Q: Motion, n: wp.vec3d, N: wp.float64, hh: wp.float64, i: 
 
 @wp.func
 def draw(T: Trial, side: Side, stiff: wp.float64, w: wp.float64, i: int, k: int):
-    """`hit` of a point outside that the last correction leaves pressed; its force is below 0, towards the collider."""
+    """`hit` of a point that the last correction leaves pressed: the tangent of N(e) where N is that. Outside its force may be
+    below 0, towards the collider."""
     N = T.load[i, k]
     slope = stiff
     e = N / stiff
     if N < stiff * w:
         slope = wp.sqrt(stiff * N / w)
         e = wp.sqrt(wp.float64(4.0) * w * N / stiff) - w
-    wp.atomic_max(T.drawn, k, e - side.deep)
+    wp.atomic_max(T.drawn, k, wp.abs(e - side.deep))
     return wp.vec4d(side.n[0] * slope, side.n[1] * slope, side.n[2] * slope, N + slope * (side.deep - e))
 
 
 @wp.func
+def pressed(T: Trial, t: Touch, side: Side, stiff: wp.float64, w: wp.float64, i: int, k: int):
+    """Touch with the side's normal force by the last correction instead of by depth, and the normal force of friction."""
+    N = t.N
+    load = T.load[i, k]
+    hit = side.hit
+    if load != wp.float64(0.0):
+        hit = wp.vec4d()
+        if load > wp.float64(0.0):
+            hit = draw(T, side, stiff, w, i, k)
+        elif N > wp.float64(0.0):
+            wp.atomic_max(T.drawn, k, side.deep + w)
+        more = hit - side.hit
+        t.f = t.f + side.n * more[3]
+        t.K = t.K + wp.outer(side.n, wp.vec3d(more[0], more[1], more[2]))
+        N = load
+    elif N > wp.float64(0.0) and T.slip[i, k][0] != FAR:
+        wp.atomic_max(T.drawn, k, side.deep + w)
+        N = wp.float64(0.0)
+    T.hit[i, k] = hit
+    return t, N
+
+
+@wp.func
 def expect(T: Trial, i: int, k: int):
-    """Normal force of a point as its correction makes it, and how long that is. Friction goes by that force, and moves what
-    makes it, at times to and fro: a change that turns back by more than half of the last is halved."""
+    """Normal force of a point as its correction makes it, and the direction of friction. Friction goes by that force, and moves
+    what makes it, at times to and fro: a change that turns back by more than half of the last is halved."""
     z = T.z[i, k]
     hit = T.hit[i, k]
     half = wp.float64(0.5)
-    N = hit[3] - (hit[0] * z[0] + hit[1] * z[1] + hit[2] * z[2])
+    d = wp.vec3d(z[0], z[1], z[2])
+    N = hit[3] - wp.dot(wp.vec3d(hit[0], hit[1], hit[2]), d)
     change = N - wp.max(T.load[i, k], wp.float64(0.0))
     last = T.change[i, k]
     T.change[i, k] = change
     if change * last < -half * last * last:
         N = N - half * change
     T.load[i, k] = N
-    T.step[i, k] = wp.length(wp.vec3d(z[0], z[1], z[2]))
+    b = T.slip[i, k]
+    size = wp.length(b)
+    lean = wp.vec3d()
+    if size > wp.float64(0.0):
+        lean = (b + d - T.lean[i, k] * (wp.dot(b, d) / size)) / size
+    T.lean[i, k] = lean / wp.max(wp.length(lean), wp.float64(1.0))
 
 
 @wp.func
@@ -152,7 +189,8 @@ def forget(T: Trial, i: int, k: int):
     """A point that no correction has moved yet."""
     T.load[i, k] = wp.float64(0.0)
     T.change[i, k] = wp.float64(0.0)
-    T.step[i, k] = FAR
+    T.slip[i, k] = wp.vec3d(FAR, wp.float64(0.0), wp.float64(0.0))
+    T.lean[i, k] = wp.vec3d()
 
 
 @cache
@@ -226,22 +264,14 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
                     found.N = N
         N = found.N
         s = Q.stick[i, k] + side.slid
-        along = wp.float64(1.0)
+        lean = wp.vec3d()
         if T.hit:
-            if T.load[i, k] > wp.float64(0.0):
-                if N == wp.float64(0.0):
-                    side.hit = draw(T, side, stiff, w, i, k)
-                    found.f = side.n * side.hit[3]
-                    found.K = wp.outer(side.n, wp.vec3d(side.hit[0], side.hit[1], side.hit[2]))
-                N = T.load[i, k]
-            elif N > wp.float64(0.0) and T.step[i, k] < FAR:
-                wp.atomic_max(T.drawn, k, side.deep + w)
-                N = wp.float64(0.0)
-            along = wp.min(along, SURE * T.step[i, k] / wp.max(wp.length(s - side.n * wp.dot(side.n, s)), TINY))
-            T.hit[i, k] = side.hit
+            found, N = pressed(T, found, side, stiff, w, i, k)
+            lean = T.lean[i, k]
+            T.slip[i, k] = (s - side.n * wp.dot(side.n, s)) * wp.where(N > wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
         if N > wp.float64(0.0):
             N = bound(S, Q, side.n, N, hh, i, k)
-            found = rub(found, side.n, s, N, stiff, C.friction[side.c, k], along)
+            found = rub(found, side.n, s, N, stiff, C.friction[side.c, k], lean)
         return found
 
     return SimpleNamespace(touch=touch, signed=signed, name="_".join(kinds))

@@ -63,10 +63,11 @@ class Trial:
     phi: wp.array2d(dtype=wp.float64)
     turn: wp.array2d(dtype=wp.float64)              # of edges about their tangents in this substep [rad]
     pull: wp.array2d(dtype=wp.float64)              # tension of edges, as the last correction had it [N]
-    step: wp.array2d(dtype=wp.float64)              # length of a point's last correction [m]; this and four more where strands
-    load: wp.array2d(dtype=wp.float64)              # meet colliders, and nothing else: normal force as that had it [N]
+    slip: wp.array2d(dtype=wp.vec3d)                # over a collider [m], 0 of a point without friction; this and four more
+    load: wp.array2d(dtype=wp.float64)              # where strands meet colliders alone: normal force as that had it [N]
     change: wp.array2d(dtype=wp.float64)            # how much that changed it [N]
     hit: wp.array2d(dtype=wp.vec4d)                 # normal of a contact times its stiffness [N/m], and its normal force [N]
+    lean: wp.array2d(dtype=wp.vec3d)                # friction of one that slips over - mu N, as that had it
     drawn: wp.array(dtype=wp.float64)               # of strands: farthest a point is drawn to a collider, or anew in one [m]
     near: wp.array2d(dtype=wp.mat44d)               # factor towards the next point
     far: wp.array2d(dtype=wp.mat44d)                # towards the one behind it

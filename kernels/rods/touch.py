@@ -162,7 +162,9 @@ def press(module: str):
             if load == wp.float64(0.0):
                 blow = wp.abs(wp.dot(n, speed)) / way.h + wp.length(side.gravity[side.strand[o]])
                 load = wp.min(t.N, wp.float64(2.0) * wp.min(side.m[o], side.m[ids[2]]) * blow)
-            t = rub(t, n, to.stick[i] + slid, load, k, mu, wp.float64(wp.min(to.rough[s.world[o]], 1)))
+            slip = to.stick[i] + slid
+            lean = wp.normalize(slip - n * wp.dot(n, slip)) * wp.float64(1 - wp.min(to.rough[s.world[o]], 1))
+            t = rub(t, n, slip, load, k, mu, lean)
             wp.atomic_max(active, 0, 1)
         to.f[i] = t.f
         to.K[i] = t.K

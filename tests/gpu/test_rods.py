@@ -63,6 +63,18 @@ def test_strands_of_which_some_take_long_go_where_they_do_on_a_cpu(few, monkeypa
     assert all(np.array_equal(a, b) for a, b in zip(one[:2], fallen("cuda:0")[:2], strict=True))
 
 
+def test_no_strand_knows_its_place_in_the_list(monkeypatch):
+    """Launches over all strands, over lists in the order of threads from the start, and from half of them on: the same bits."""
+    found = []
+    for half in (1000, 1, 2, 1):
+        monkeypatch.setattr("wsim.physics.rods.apart.FEW", 1000)
+        monkeypatch.setattr("wsim.physics.rods.apart.HALF", half)
+        simulation = Simulation(on_ball(), device="cuda:0")
+        simulation.run(8)
+        found.append(simulation.plan.method("rods").points(0))
+    assert all(np.array_equal(a, b) for one in found[1:] for a, b in zip(found[0], one, strict=True))
+
+
 def test_hairs_that_follow_go_where_they_do_on_a_cpu():
     from tests.physics.rods.test_follow import carried, combed
 

@@ -194,7 +194,7 @@ def meet(kinds: tuple[str, ...], module: str):
         t = Touch()
         t.f = B.f[p, to.number]
         t.K = B.K[p, to.number]
-        t = rub(t, n, W.stick[i, k] + slid, load, stiffness(S, W, j, i, k), C.friction[c, k], wp.float64(1.0))
+        t = rub(t, n, W.stick[i, k] + slid, load, stiffness(S, W, j, i, k), C.friction[c, k], wp.vec3d())
         B.f[p, to.number] = t.f
         B.K[p, to.number] = t.K
         B.s[p] = t.s

@@ -35,6 +35,8 @@ class Parts:
     on: wp.array(dtype=int)                         # 1: it has substeps to solve
     done: wp.array(dtype=int)                       # 1: it has solved one in this iteration
     moved: wp.array(dtype=int)                      # 1: it has moved in this iteration
+    list: wp.array(dtype=int)                       # strands that launches go over, in any order
+    listed: wp.array(dtype=int)                     # how many, (1,)
     h: wp.float64                                   # length of a substep [s]
     substeps: int                                   # of a frame
 

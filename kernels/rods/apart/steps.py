@@ -2,9 +2,9 @@
 elimination from point to point by LANES threads a strand (lanes.py; iteration.py has the parts).
 
 A strand's points come one after another in the elimination alone, of which a thread waits for each result. A strand waits for
-no other: one that has solved its substep goes on with its next. 10000 hairs on a ball take 5 iterations a substep in the mean
-and 46 the one that takes most. The last few strands of a frame are finished by a warp each, in one launch: launches run over
-all strands, of which most have ended.
+no other: one that has solved its substep goes on with its next. Launches go over a list of strands: all, then those that are on
+when half of them have ended, and the last few are finished by a warp each, in one launch. A strand stands anywhere in the list,
+in the order of threads: nothing that is computed knows its place.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -27,9 +27,9 @@ WARP = 32
 
 @cache
 def apart(kinds: tuple[str, ...], airy: bool, module: str):
-    """Kernels over points (tid: point number * strands + strand) or strands: begin substeps (points), measure (points), solve
-    (strand * LANES + lane), take (points), finish (strand * WARP + lane). said: as `march.strands` has it. kinds: of colliders.
-    airy: with air."""
+    """Kernels over points (tid: point number * strands + place in the list) or strands: begin substeps (points), measure
+    (points), solve (place * LANES + lane), take (points), finish (place * WARP + lane), enlist (strands). said: as
+    `march.strands` has it. kinds: of colliders. airy: with air. few: strands at which a kind of launches ends."""
     parts, eliminate = iteration(kinds, airy), eliminating(airy)
     measure, judge, move, end = parts.measure, parts.judge, parts.move, parts.end
 
@@ -37,9 +37,11 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
     def begin_points(S: Strands, H: Holds, Q: Motion, T: Trial, A: Parts, few: int, words: wp.array(dtype=int)):
         m = S.points.shape[0]
         i = wp.tid() / m
-        k = wp.tid() % m
         if wp.tid() == 0:
             words[GOING] = wp.where(words[LEFT] > few, 1, 0)
+        if wp.tid() % m >= A.listed[0]:
+            return
+        k = A.list[wp.tid() % m]
         if A.done[k] == 1 and A.on[k] == 1 and i < S.points[k]:
             begin(S, H, Q, T, A, i, k)
 
@@ -47,16 +49,21 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
     def measure_points(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, words: wp.array(dtype=int)):
         m = S.points.shape[0]
         i = wp.tid() / m
-        k = wp.tid() % m
         if wp.tid() == 0:
             words[LEFT] = 0
+        if wp.tid() % m >= A.listed[0]:
+            return
+        k = A.list[wp.tid() % m]
         if A.on[k] == 1 and i < S.points[k]:
             measure(S, C, Q, T, A, i, k)
 
     @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 10))       # registers for 12 blocks a multiprocessor
     def solve_strands(S: Strands, T: Trial, A: Parts, words: wp.array(dtype=int), said: wp.array2d(dtype=wp.float64)):
-        k = wp.tid() / wp.static(LANES)
+        place = wp.tid() / wp.static(LANES)
         lane = wp.tid() % wp.static(LANES)
+        if place >= A.listed[0]:
+            return
+        k = A.list[place]
         on = A.on[k]
         meet()
         if lane == 0:
@@ -79,7 +86,9 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
     def take_points(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, said: wp.array2d(dtype=wp.float64)):
         m = S.points.shape[0]
         i = wp.tid() / m
-        k = wp.tid() % m
+        if wp.tid() % m >= A.listed[0]:
+            return
+        k = A.list[wp.tid() % m]
         if A.moved[k] == 0 or i >= S.points[k]:
             return
         take(S, T, A, i, k)
@@ -90,8 +99,11 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
 
     @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 10))
     def finish_strands(S: Strands, H: Holds, C: Colliders, Q: Motion, T: Trial, A: Parts, said: wp.array2d(dtype=wp.float64)):
-        k = wp.tid() / wp.static(WARP)
+        place = wp.tid() / wp.static(WARP)
         lane = wp.tid() % wp.static(WARP)
+        if place >= A.listed[0]:
+            return
+        k = A.list[place]
         n = S.points[k]
         on = A.on[k]
         gather()
@@ -120,4 +132,12 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
                     begin(S, H, Q, T, A, i, k)
             gather()
 
-    return begin_points, measure_points, solve_strands, take_points, finish_strands
+    @wp.kernel(enable_backward=False, module=module)
+    def enlist_strands(A: Parts, few: int, words: wp.array(dtype=int)):
+        k = wp.tid()
+        if k == 0:
+            words[GOING] = wp.where(words[LEFT] > few, 1, 0)
+        if A.on[k] == 1:
+            A.list[wp.atomic_add(A.listed, 0, 1)] = k
+
+    return begin_points, measure_points, solve_strands, take_points, finish_strands, enlist_strands

@@ -206,9 +206,31 @@ def test_strands_that_fall_on_a_ball_are_solved():
         simulation.step()
         told.append(method.said.numpy().copy())
     assert np.max(told, axis=(0, 1))[1] <= 1e-6
-    assert 6.0 < np.max(told, axis=(0, 1))[0] < 40.0                                     # most of a strand: 29
+    assert 6.0 < np.max(told, axis=(0, 1))[0] < 27.0                                     # most of a strand: 25; was 29
     assert np.max(told, axis=1)[:5, 0].max() <= 2.0                                      # that fall freely
     assert not simulation.warnings
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_strand_that_lands_on_a_floor_is_solved_in_four_iterations(speed):
+    """One finds the floor, one its force, which is linear then, one the depth, and one tells that all is so; speed [m/s] keeps
+    it slipping. By the depth's force alone the depth of what weighs so little is halved an iteration: five and six it took."""
+    x = np.zeros((12, 3))
+    x[:, 0], x[:, 1] = np.linspace(0.0, 0.3, 12), 0.02
+    made, rods = scene(x, gravity=(0.0, -9.81, 0.0), young=4e9, diameters=1e-4, density=1300.0,
+                       velocities=np.tile(np.array([speed, 0.0, 0.3 * speed]), (12, 1)))
+    made.substeps = 4
+    made.collider("/floor", Plane(), static_friction=0.5, dynamic_friction=0.5)
+    simulation, method = simulated(made)
+    said = []
+    for _ in range(10):
+        simulation.step()
+        said.append(method.said.numpy()[0].copy())
+    said = np.array(said)
+    assert 3.0 <= said[:, 0].max() <= 4.0 and said[:, 1].max() <= 1e-6
+    load = method.part.arrays["load"].numpy()
+    weight = method.table.values["m"][:, 0] * 9.81
+    assert np.allclose(load, weight, rtol=1e-6)                                          # each point bears its own
 
 
 def test_what_strands_do_not_feel_is_told():

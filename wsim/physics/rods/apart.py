@@ -16,13 +16,15 @@ from wsim.model.structs import filled
 if TYPE_CHECKING:
     from wsim.physics.rods.method import Strands
 
+HALF = 2            # where 1 / HALF of the strands are on they are listed, and launches go on over these
 FEW = 10            # 1 / FEW of the strands are finished by a warp each; all of them so: 31 ms for 8 of 10000 hairs (H200)
 
 
 class Apart:
     def __init__(self, strands: Strands, module: str, device):
         self.strands, table, self.device = strands, strands.table, device
-        self.begin, self.measure, self.solve, self.take, self.finish = apart(strands.obstacles.kinds, strands.airy, module)
+        self.begin, self.measure, self.solve, self.take, self.finish, self.enlist = apart(
+            strands.obstacles.kinds, strands.airy, module)
         m, part = table.strands, np.zeros((NUMBERS if strands.airy else AIR, table.longest + 2, table.strands))
         end = np.arange(table.longest + 2)[:, None] >= table.counts
         for k in (0, 3, 5, LAST):                        # the diagonal
@@ -35,7 +37,9 @@ class Apart:
             factor=wp.zeros((2 * LANES**2 + LANES, table.longest, m), dtype=wp.float64, device=device),
             least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
             **{name: wp.zeros(m, dtype=wp.float64, device=device) for name in ("before", "share", "taken")},
-            **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "at", "on", "done", "moved")})
+            **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "at", "on", "done", "moved", "list")},
+            listed=wp.zeros(1, dtype=int, device=device))
+        self.all = wp.array(np.arange(m), dtype=int, device=device)
         self.words = wp.zeros(2, dtype=int, device=device)
         self.going = self.words[:1]
         self.few = m // FEW
@@ -55,12 +59,25 @@ class Apart:
         for word in (A.on, A.done):
             word.fill_(1)
         self.words.fill_(s.table.strands)
-
-        def iterate() -> None:
-            self.each(self.measure, [S, C, Q, T, A], [self.words])
-            self.each(self.solve, [S, T, A], [self.words, s.said], LANES)
-            self.each(self.take, [S, C, Q, T, A], [s.said])
-            self.each(self.begin, [S, H, Q, T, A, self.few], [self.words])
-        self.each(self.begin, [S, H, Q, T, A, self.few], [self.words])
-        wp.capture_while(self.going, iterate)
+        half = max(s.table.strands // HALF, self.few)
+        wp.copy(A.list, self.all)
+        A.listed.fill_(s.table.strands)
+        self.each(self.begin, [S, H, Q, T, A, half], [self.words])
+        wp.capture_while(self.going, self._iterate, few=half)
+        self._list(self.few)
+        wp.capture_while(self.going, self._iterate, few=self.few)
+        self._list(0)
         self.each(self.finish, [S, H, C, Q, T, A], [s.said], WARP)
+
+    def _list(self, few: int) -> None:
+        """Lists strands that are on. Launches go over these while they are more than `few`."""
+        self.parts.listed.zero_()
+        wp.launch(self.enlist, self.strands.table.strands, [self.parts, few], [self.words], device=self.device)
+
+    def _iterate(self, few: int) -> None:
+        s, A = self.strands, self.parts
+        S, C, Q, T = s.strands, s.obstacles.table, s.moving(), s.trial
+        self.each(self.measure, [S, C, Q, T, A], [self.words])
+        self.each(self.solve, [S, T, A], [self.words, s.said], LANES)
+        self.each(self.take, [S, C, Q, T, A], [s.said])
+        self.each(self.begin, [S, s.holds, Q, T, A, few], [self.words])

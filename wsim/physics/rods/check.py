@@ -33,6 +33,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
         return
     yield from _edges(rods)
     yield from _pins(rods)
+    yield from _passed(rods, scene)
     for c in scene.colliders:
         if isinstance(c.shape, Surface) and getattr(getattr(c.shape.poses, "skeleton", None), "bodies", None):
             yield warning(path, f"rigid bodies drive the joints of the mesh {c.path}, and strands meet its shape at the start",
@@ -46,6 +47,24 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
                       "give wsim:selfCollision to both, or what they shall meet as a collider")
     if scene.things("Body"):
         yield from _bodies(rods, scene)
+
+
+def _passed(rods: Rods, scene: Scene) -> Iterator[Problem]:
+    """Colliders and rigid bodies that pass between the points of strands, which alone meet them."""
+    if not scene.colliders and not scene.things("Body"):
+        return
+    from wsim.physics.rigid.solids import met_by_strands
+    from wsim.scene.check.narrow import half_width
+    length, radius = _lengths(rods), 0.5 * float(np.max(rods.diameters))
+    k = int(np.argmax(np.where(np.isfinite(length), length, 0.0)))
+    solids = [*scene.colliders, *(c for _, colliders in met_by_strands(scene) for c in colliders)]
+    widths = [2.0 * (half_width(c) + radius + (c.thickness or 0.0)) for c in solids]
+    if (found := [c.path for c, width in zip(solids, widths, strict=True) if width < length[k]]):
+        narrow = min(widths)
+        yield warning(rods.path, f"points {k} and {k + 1} are {length[k]:.3g} m apart, and strands meet colliders and rigid "
+                      f"bodies by their points: where these are as narrow as {narrow:.3g} m with the strand they pass between, "
+                      f"such as {', '.join(found[:3])}{', ...' * (len(found) > 3)}", f"points less than {narrow:.3g} m apart",
+                      "give the curves more points, or the collider a wsim:thickness")
 
 
 def _bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:
@@ -86,12 +105,17 @@ def _arrays(rods: Rods) -> Iterator[Problem]:
                         f"{' or '.join(map(str, sizes))} finite numbers > 0", "author it again")
 
 
-def _edges(rods: Rods) -> Iterator[Problem]:
-    """Edges without length, or shorter than they are thick."""
-    ends = np.cumsum(rods.counts)[:-1]
+def _lengths(rods: Rods) -> np.ndarray:
+    """Length at rest from each point to the next [m]; inf between strands."""
     world = rods.motion.points(rods.points if rods.rest_points is None else rods.rest_points, 0.0)
     length = np.linalg.norm(np.diff(world, axis=0), axis=1)
-    length[ends - 1] = np.inf
+    length[np.cumsum(rods.counts)[:-1] - 1] = np.inf
+    return length
+
+
+def _edges(rods: Rods) -> Iterator[Problem]:
+    """Edges without length, or shorter than they are thick."""
+    length = _lengths(rods)
     thick = np.broadcast_to(rods.diameters, len(rods.points))[:-1]
     if length.min(initial=np.inf) <= 0.0:
         k = int(np.argmin(length))

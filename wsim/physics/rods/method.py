@@ -156,7 +156,7 @@ class Strands(Method):
                  "near": wp.mat44d, "far": wp.mat44d, "z": wp.vec4d}
         more: dict = {}
         if self.obstacles.kinds and not together:
-            types |= {"step": wp.float64, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d}
+            types |= {"slip": wp.vec3d, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d, "lean": wp.vec3d}
             more = {"drawn": wp.zeros(self.table.strands, dtype=wp.float64, device=device)}
         return filled(tables.Trial, **more, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
 
