@@ -58,13 +58,13 @@ class Obstacles:
         times = max(substeps, 1) + 1
         ids = np.tile(np.array([m.id if m else 0 for m in self.meshes], np.uint64), (times, 1))
         for c in (c for c, collider in enumerate(self.colliders) if forms(collider.shape)):
-            self.shapes[c] = [self._copy(self.meshes[c]) for _ in range(times)]
+            self.shapes[c] = [self._copy(c) for _ in range(times)]
             ids[:, c] = [mesh.id for mesh in self.shapes[c]]
         self.table.mesh = wp.array(ids, dtype=wp.uint64, device=self.device)
         self.posed = False
 
-    def _copy(self, mesh: Mesh) -> wp.Mesh:
-        own = mesh.device["mesh"]
+    def _copy(self, c: int) -> wp.Mesh:
+        own = self.meshes[c].device["mesh"]     # type: ignore[union-attr]
         return wp.Mesh(wp.clone(own.points), own.indices)
 
     def pose(self, times: np.ndarray) -> None:
