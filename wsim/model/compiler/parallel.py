@@ -1,6 +1,7 @@
 """Compilation in parallel of modules that the cache lacks: Clang and NVRTC run without Python's lock, so that a first frame of
 several modules waits for the longest of them. They are loaded afterwards, one by one, by `wsim.model.kernel_cache.load`, which
-records them in the cache, and says what was wrong with one that did not compile.
+records them in the cache, and says what was wrong with one that did not compile. (`wp.force_load` has threads too, for modules
+of one number of threads a block; those of a plan have several on a GPU.)
 """
 
 import os
