@@ -75,6 +75,7 @@ def test_half_of_the_least_width(shape, expected, error):
     """Of meshes by their corners: balls of 64 sides have theirs on the ball, and their faces within 0.5 % of its normals."""
     made = Collider("/shape", shape, motion=Motion.at_place((5.0, 1.0, 0.0)))
     assert half_width(made) == pytest.approx(expected, rel=error)
+    assert half_width(made, 2.5 * expected) == half_width(made)                          # what is below half of a reach
 
 
 def test_a_mesh_that_is_wound_inward_is_as_wide():

@@ -58,7 +58,7 @@ def _passed(rods: Rods, scene: Scene) -> Iterator[Problem]:
     length, radius = _lengths(rods), 0.5 * float(np.max(rods.diameters))
     k = int(np.argmax(np.where(np.isfinite(length), length, 0.0)))
     solids = [*scene.colliders, *(c for _, colliders in met_by_strands(scene) for c in colliders)]
-    widths = [2.0 * (half_width(c) + radius + (c.thickness or 0.0)) for c in solids]
+    widths = [2.0 * (half_width(c, length[k]) + radius + (c.thickness or 0.0)) for c in solids]
     if (found := [c.path for c, width in zip(solids, widths, strict=True) if width < length[k]]):
         narrow = min(widths)
         yield warning(rods.path, f"points {k} and {k + 1} are {length[k]:.3g} m apart, and strands meet colliders and rigid "

@@ -19,17 +19,18 @@ from wsim.scene.solids import row
 
 OPPOSITE = -0.5        # cosine: faces that meet in a ridge of more than 60 degrees bound nothing thin
 SLIVER = 0.01          # of the mean area, below which a triangle's normal may be any
-PAIRS = 2 ** 22
-ROWS = 2 ** 18         # of these at once
+PAIRS = 2 ** 21
+ROWS = 64              # corners at once
 MANY = 2 ** 13         # corners that others are paired with
 ALONG = 65             # places along the axis of a solid where its largest ball is sought
 
 
-def half_width(collider: Collider) -> float:
-    """Half of the least width [m]; inf of a plane, and where a mesh has no two faces that are opposite."""
+def half_width(collider: Collider, reach: float = inf) -> float:
+    """Half of the least width [m]; inf of a plane, and where a mesh has no two faces that are opposite. Corners of a mesh that
+    are farther than `reach` [m] from each other are left out: what is found below half of that is right."""
     shape = collider.shape
     if isinstance(shape, Surface):
-        return _mesh(shape)
+        return _mesh(shape, reach)
     solid = row(shape)
     size = solid.ball(shape)
     if isinf(size):
@@ -38,7 +39,7 @@ def half_width(collider: Collider) -> float:
     return float(-solid.distance(shape, np.stack([0.0 * z, 0.0 * z, z], axis=1)).min())
 
 
-def _mesh(shape: Surface) -> float:
+def _mesh(shape: Surface, reach: float) -> float:
     points = (shape.points if shape.poses is None else shape.poses.at(0.0)).astype(np.float64)
     triangles, _ = triangulate(shape.points, shape.counts, shape.indices)
     p = points[triangles]
@@ -51,15 +52,19 @@ def _mesh(shape: Surface) -> float:
     if (p.mean(axis=1) * n * size[:, None]).sum() < 0.0:      # wound inward
         n = -n
     x, n = p.reshape(-1, 3), np.repeat(n, 3, axis=0)
-    q, m = _some(x, n, MANY)
-    x, n = _some(x, n, max(PAIRS // len(q), 1))
+    axis = int(np.argmax(np.ptp(x, axis=0)))
+    order = np.argsort(x[:, axis], kind="stable")
+    q, m = _some(x[order], n[order], MANY)
+    x, n = _some(x[order], n[order], max(PAIRS // len(q), 1))
     near = 1e-6 * float(np.ptp(points, axis=0).max())
     found = inf
-    for a in range(0, len(x), max(ROWS // len(q), 1)):
-        rows = slice(a, a + max(ROWS // len(q), 1))
-        inward = (n[rows] * x[rows]).sum(axis=1)[:, None] - n[rows] @ q.T
-        thin = (n[rows] @ m.T < OPPOSITE) & (inward > near)
-        far = (x[rows]**2).sum(axis=1)[:, None] + (q**2).sum(axis=1) - 2.0 * x[rows] @ q.T
+    for a in range(0, len(x), ROWS):
+        y, k = x[a:a + ROWS], n[a:a + ROWS]
+        first, last = np.searchsorted(q[:, axis], (y[0, axis] - reach, y[-1, axis] + reach))
+        z = q[first:last]
+        inward = (k * y).sum(axis=1)[:, None] - k @ z.T
+        thin = (k @ m[first:last].T < OPPOSITE) & (inward > near)
+        far = (y**2).sum(axis=1)[:, None] + (z**2).sum(axis=1) - 2.0 * y @ z.T
         found = min(found, float(np.min(far / np.where(thin, 2.0 * inward, 1.0), initial=inf, where=thin)))
     return found
 
