@@ -153,7 +153,6 @@ def tell(real, module):
         said[RUN] = wp.max(said[RUN], words[pairs.RUN])
         said[RUNNING] = words[pairs.RUN]
         said[WANTED] = wp.max(said[WANTED], words[pairs.LACKED])
-        words[pairs.LACKED] = 0
         rounds = words[pairs.SWEPT]
         if rounds > 0:
             said[PROJECTED] = said[PROJECTED] + 1

@@ -181,7 +181,8 @@ def listed(real, module):
     prediction: A is 1 until it ends. points: how many there are. One for a proof is made anew before the next substep. One that
     there was no room for holds none, since which of its pairs found room depends on the order of threads; words[LACKED] says
     how many there were, or, where there was no room for candidates, of how many they would be with as many candidates each:
-    nothing in it depends on that order, and the frame is repeated with room."""
+    nothing in it depends on that order. The frame is repeated with room: until it ends no list is made any more, since what
+    else it finds counts for nothing."""
     Frames, Pairs = frames(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -202,7 +203,7 @@ def listed(real, module):
         if begins > 0:
             words[pairs.NARROW] = wp.where(f.least[0] < real(1.0), 1, 0)
         words[pairs.PROOF] = wp.where(f.part[0] < real(1.0), 1, 0)
-        words[pairs.SOON] = words[pairs.PROOF]
+        words[pairs.SOON] = wp.where(words[pairs.LACKED] > 0, 0, words[pairs.PROOF])
         words[pairs.AGE] = 0
         words[pairs.NEAR] = wp.min(near.count[0], 1)
         words[pairs.MADE] = words[pairs.MADE] + 1

@@ -239,7 +239,7 @@ def thin(real, module):
 @cache
 def watch(real, module):
     """Kernel: counts points that are out of their tubes where the substep ends, or began, in words[OUT]; words[SOON] where one
-    would leave it in the next substep."""
+    would leave it in the next substep. In a frame that a list had no room in: neither."""
     t = types(real)
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
@@ -250,6 +250,8 @@ def watch(real, module):
 
     @wp.kernel(module=module, enable_backward=False)
     def watch_tubes(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int)):
+        if words[pairs.LACKED] > 0:
+            return
         i = s.point[wp.tid()]
         p = at.x[i] + s.shift[i]
         q0 = wp.transform_point(wp.transform_inverse(f.frame[0]), p + at.e[i])

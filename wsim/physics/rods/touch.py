@@ -175,7 +175,7 @@ class Touching(Together):
         before, ids = self.near.pairs.capacity, self.saved_ids
         saved = self.saved
         if wanted > before:
-            self.near.room(wanted + wanted // 2)
+            self.near.grow(wanted)
         self.deep = max(self.deep, full + full // 2)
         self.room()
         for name in ("kept", "stick", "load"):

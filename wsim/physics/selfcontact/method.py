@@ -257,7 +257,7 @@ class SelfContact(Method):
         before = self.near.pairs.capacity
         if wanted <= before:
             return ""
-        self.near.room(wanted + wanted // 2)
+        self.near.grow(wanted)
         self.settle.room()
         return f"{wanted} pairs of surfaces were near each other, and there was room for {before}"
 

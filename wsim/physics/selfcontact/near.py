@@ -57,7 +57,7 @@ class Near:
         if surfaces.own["edges"] < surfaces.free["edges"]:
             self.alone = model.upload(np.arange(surfaces.own["edges"]), int)
         self.trees = [Tree(model, surfaces, kind, span) for kind, span in self._spans()]
-        self.age = self.rounds = 0
+        self.age = self.rounds = self.grown = 0
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
         self.room(max(1024, EACH * len(surfaces.points)))
 
@@ -92,6 +92,12 @@ class Near:
                             pair=wp.zeros(room, dtype=wp.vec2i, device=self.model.device))
         self.anew()
 
+    def grow(self, wanted: int) -> None:
+        """Room for so many pairs, and more of it each time that a frame is repeated for it: it ends at the first list that has
+        none, and may only be repeated a few times."""
+        self.room(wanted + (wanted << max(self.grown - 1, 0)) // 2)
+        self.grown += 1
+
     def anew(self) -> None:
         """Clears what a frame that was given up has left."""
         self.frames.rigid.zero_()
@@ -119,6 +125,7 @@ class Near:
             for order in (*self.tips, *(tree.order for tree in self.trees)):
                 order.sort(self.frames)
         self.age += 1
+        self.grown = 0
 
     def allow(self, rounds: int) -> None:
         """Projections that a substep has at most, in frames to come."""
