@@ -92,12 +92,28 @@ def listing(real):
 
 
 @cache
-def meet(real, module):
+def meet(real, module, levels=False):
     """Kernel: candidates, points and triangles or edges and edges whose boxes meet and that share no point. order: points (kind
     0) or edges that look, so that those near each other are near, -1: none; into: the tree that they look into; own 1: that
-    of the same edges, of which those behind them are looked at; widest: what pairs keep at most [m]."""
+    of the same edges, of which those behind them are looked at; widest: what pairs keep at most [m]. levels: walks go level by
+    level, as is faster on a CPU; they find the same in the same order."""
     Surfaces, Frames = pairs.surfaces(real), frames(real)
     _, about = tree.boxes(real)
+
+    @wp.func
+    def tell(s: Surfaces, kind: int, i: int, a: int, b: int, item: int, out: pairs.Candidates):
+        """One candidate, if it shares no point with points a, b of i."""
+        c = wp.vec3i(0, 0, 0)
+        k = item
+        if kind == closest.POINT:
+            c = s.triangle[k]
+        else:
+            c = wp.vec3i(s.edge[k][0], s.edge[k][1], s.edge[k][1])
+            k = -1 - k
+        if a != c[0] and a != c[1] and a != c[2] and b != c[0] and b != c[1]:
+            slot = wp.atomic_add(out.count, 0, 1)
+            if slot < out.capacity:
+                out.pair[slot] = wp.vec2i(i, k)
 
     @wp.kernel(module=module, enable_backward=False)
     def boxes_meet(s: Surfaces, f: Frames, kind: int, order: wp.array(dtype=int), into: tree.Tree, own: int, widest: float,
@@ -114,6 +130,11 @@ def meet(real, module):
         ours = about(f, a, b, b)
         room = widest * float(f.part[0])
         root = s.world[a] * 2 * into.leaves
+        if wp.static(levels):
+            behind = wp.where(own > 0, j % into.leaves, -1)
+            for m in range(tree.met(ours, into.box, root, into.leaves, behind, room, into.front)):
+                tell(s, kind, i, a, b, into.item[root / 2 + into.front[m] - into.leaves], out)
+            return
         node = int(1)
         trail = int(0)
         if own > 0:
@@ -131,18 +152,8 @@ def meet(real, module):
                 else:
                     node, trail = tree.back(node, trail)
             else:
-                k = into.item[root / 2 + node - into.leaves]
+                tell(s, kind, i, a, b, into.item[root / 2 + node - into.leaves], out)
                 node, trail = tree.back(node, trail)
-                c = wp.vec3i(0, 0, 0)
-                if kind == closest.POINT:
-                    c = s.triangle[k]
-                else:
-                    c = wp.vec3i(s.edge[k][0], s.edge[k][1], s.edge[k][1])
-                    k = -1 - k
-                if a != c[0] and a != c[1] and a != c[2] and b != c[0] and b != c[1]:
-                    slot = wp.atomic_add(out.count, 0, 1)
-                    if slot < out.capacity:
-                        out.pair[slot] = wp.vec2i(i, k)
 
     return boxes_meet
 

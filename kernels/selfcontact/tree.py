@@ -28,6 +28,7 @@ class Tree:
     leaves: int
     item: wp.array(dtype=int)            # the triangle or edge of a leaf, -1: none, (worlds * leaves,)
     box: wp.array(dtype=Box)             # (worlds * 2 * leaves,)
+    front: wp.array(dtype=int)           # of walks on a CPU: nodes of two levels, (2 * leaves,)
 
 
 @wp.func_native("""
@@ -95,6 +96,48 @@ def back(node: int, trail: int):
         here = here / 2
         left = left / 2
     return here + 1, left - 1
+
+
+@wp.func_native("""
+    typedef float four __attribute__((ext_vector_type(4), aligned(4)));
+    typedef int each __attribute__((ext_vector_type(4)));
+    const float* p = &a.data[0][0];
+    const four a0 = *(const four*)p, a1 = *(const four*)(p + 3), a2 = *(const four*)(p + 6), a3 = (*(const four*)(p + 8)).yzww;
+    const auto meets = [&](int node) {
+        const float* q = &of.data[root + node].data[0][0];
+        const four b0 = *(const four*)q, b1 = *(const four*)(q + 3), b2 = *(const four*)(q + 6), b3 = (*(const four*)(q + 8)).yzww;
+        const each apart = ((a0 - b1 > room) & (a2 - b3 > room)) | ((b0 - a1 > room) & (b2 - a3 > room));
+        return __builtin_reduce_or(apart & each{-1, -1, -1, 0}) == 0 ? 1 : 0;
+    };
+    int *now = front.data, *next = now + leaves, count = 0, path = 1;
+    if (after < 0) {
+        now[0] = 1;
+        count = meets(1);
+    }
+    for (int level = 2; level <= leaves; level *= 2) {
+        int found = 0;
+        if (after >= 0) {
+            path = (leaves + after) / (leaves / level);
+            next[0] = path + 1;
+            found = path % 2 == 0 ? meets(path + 1) : 0;
+        }
+        for (int k = 0; k < count; ++k)
+            for (int side = 0; side < 2; ++side) {
+                const int node = 2 * now[k] + side;
+                next[found] = node;
+                found += meets(node);
+            }
+        int* const other = now;
+        now = next, next = other, count = found;
+    }
+    if (now != front.data)
+        for (int k = 0; k < count; ++k)
+            front.data[k] = now[k];
+    return count;
+""")
+def met(a: Box, of: wp.array(dtype=Box), root: int, leaves: int, after: int, room: float, front: wp.array(dtype=int)) -> int:
+    """How many leaves a box meets, and them, in order, in `front`: level by level, without a branch that depends on a box, since
+    a CPU takes longer to guess wrong than to look. after: only leaves behind that one, -1: all."""
 
 
 @wp.func

@@ -35,7 +35,7 @@ class Near:
         real, module, device, t = model.real, core(model), model.device, types(model.real)
         self.tally, self.fold, self.fit = tubes.tally(real, module), tubes.fold(real, module), tubes.fit(real, module)
         self.axes, self.watch, self.thin = tubes.axes(real, module), tubes.watch(real, module), tubes.thin(real, module)
-        self.meet, self.sift = search.meet(real, module), search.sift(real, module)
+        self.meet, self.sift = search.meet(real, module, not device.is_cuda), search.sift(real, module)
         self.listed = search.listed(real, module)
         zeros, n = partial(wp.zeros, device=device), surfaces.total
         self.words = zeros(pairs.WORDS, dtype=int)

@@ -51,7 +51,8 @@ class Tree:
         self.order = Order(model, surfaces, kind, [np.pad(o, (0, self.leaves - len(o)), constant_values=-1) for o in own])
         boxes = np.tile(np.array([EMPTY, -EMPTY, EMPTY, -EMPTY], np.float32)[:, None], (model.worlds * 2 * self.leaves, 1, 3))
         self.tree = filled(kernels.Tree, leaves=self.leaves, item=self.order.item,
-                           box=wp.array(boxes, dtype=kernels.Box, device=model.device))
+                           box=wp.array(boxes, dtype=kernels.Box, device=model.device),
+                           front=wp.zeros(0 if model.device.is_cuda else 2 * self.leaves, dtype=int, device=model.device))
 
     def fit(self, frames) -> None:
         """Boxes of all nodes, about tubes."""
