@@ -25,17 +25,33 @@ from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import closest, pairs
 from wsim.kernels.selfcontact.bounds import bounds, ends
 from wsim.kernels.selfcontact.cut import RIGID
-from wsim.kernels.selfcontact.tubes import LONG
+from wsim.kernels.selfcontact.tubes import LONG, TURNS
 
 LISTS = 16             # of a substep, from which on points that projections lead out of their tubes are cut
 
 
 @cache
+def reach(real):
+    """Function: how much further apart than they keep pairs are that may push [m]: a tube's radius; less of it where
+    they are pressed in turn, whose lists are narrower."""
+    Surfaces = pairs.surfaces(real)
+
+    @wp.func
+    def reach(s: Surfaces, words: wp.array(dtype=int)):
+        if words[pairs.NARROW] > 1:
+            return real(TURNS) * s.beta
+        return s.beta
+
+    return reach
+
+
+@cache
 def meeting(real):
     """Function: lists pair i among those that may come as near as they keep, by where its points are and where they are
-    predicted, and a tube's radius; words[FAST], by how much nearer that is. ends -1, -3: none, where the substep is solved."""
+    predicted, and `reach`; words[FAST], by how much nearer that is. ends -1, -3: none, as the substep is solved."""
     t = types(real)
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
+    margin = reach(real)
 
     @wp.func
     def meet(s: Surfaces, at: State, ends: int, i: int, near: Pairs, words: wp.array(dtype=int)):
@@ -49,7 +65,7 @@ def meeting(real):
         end = away
         for k in range(4):
             end += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
-        if wp.min(away, end) < keep + s.beta:
+        if wp.min(away, end) < keep + margin(s, words):
             j = wp.atomic_add(near.rows, 0, 1)
             if j == 0:
                 words[pairs.BEHIND] = words[pairs.EPOCH] + 1
@@ -71,14 +87,14 @@ def beginning(real):
     """Function: pair i where a substep begins, with no push; True where it does not meet, by its last normal, along which it is
     `away` apart and `end` where it is predicted [m]."""
     Surfaces, Pairs, State = pairs.surfaces(real), pairs.lists(real), states(real)
-    vec3, written = types(real).vec3, bounds(real)[0]
+    vec3, written, margin = types(real).vec3, bounds(real)[0], reach(real)
 
     @wp.func
-    def apart(s: Surfaces, at: State, i: int, away: real, end: real, near: Pairs):
+    def apart(s: Surfaces, at: State, i: int, away: real, end: real, near: Pairs, words: wp.array(dtype=int)):
         near.least[i] = written(s, at, near.kind[i], near.ids[i])
         near.past[i] = near.push[i]
         near.push[i] = vec3()
-        far = wp.min(away, end) > near.keep[i] + s.beta
+        far = wp.min(away, end) > near.keep[i] + margin(s, words)
         if far:
             near.away[i] = away
             near.gap[i] = away
@@ -132,7 +148,7 @@ def inspect(real, module):
             if least(kind, n, zero, q1, q2, q3) >= need:
                 return
         else:
-            if apart(s, at, i, least(kind, n, zero, p1, p2, p3), least(kind, n, zero, q1, q2, q3), near) and ends > -2:
+            if apart(s, at, i, least(kind, n, zero, p1, p2, p3), least(kind, n, zero, q1, q2, q3), near, words) and ends > -2:
                 return
             q1, q2, q3 = p1, p2, p3
         b = weights(kind, zero, q1, q2, q3)

@@ -25,7 +25,8 @@ STRANDS = 1 << 24                        # `body` of strands of rods, and of non
 # 1: a point was cut by much in this substep; how many running; substeps that the list has held; sweeps go on, as pairs are too
 # near; how many more were taken; percent of a mean edge by which a pair that meets comes nearer in the substep, where that is
 # more than 100; pairs that a list of the frame had no room for; number of the substep behind the one that rows are of;
-# 1: the list is for a proof alone; 1: contacts are of one with narrow tubes
+# 1: the list is for a proof alone; 1: contacts are of one with narrow tubes, 2: with those of pairs that
+# are pressed in turn
 SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED, PINCH = range(16)
 WORST, RUN, AGE, NEARER, MORE, FAST, LACKED, BEHIND, PROOF, NARROW = range(16, 26)
 WORDS = 26

@@ -37,6 +37,7 @@ from wsim.kernels.selfcontact.couple import couple
 
 SMALL = 1e-3           # of what a pair keeps: one that is as near to it takes part in the last sweep of an iteration only,
 DEPTH = 0.5            # of what a pair is to keep: sweeps go on while one would end nearer
+SPARED = -2            # number of a sweep that is left out where pairs are taken in turn, which press as much as two at once
 MORE, AGAIN = 24, 96   # sweeps of one block that leads ahead; those behind which it begins anew
 RECOVERY = 0.5         # [m/s] at which surfaces leave an overlap of their thicknesses
 CALM = 1e-4            # if it slips and errs by less than this over the substep, too [m/s]: what rests is this calm
@@ -57,15 +58,20 @@ def lean(real, module):
         push = near.swept[4 * j + pairs.PUSH]
         n = t.vec3(there[0], there[1], there[2])
         C = there[3] - wp.min(push[3], there[3] + climb)
-        slip = t.vec3()
         for k in range(4):
             C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
-            slip += b[k] * (at.d[ids[k]] - at.a[ids[k]])
-        lam = wp.dot(t.vec3(push[0], push[1], push[2]), n)
         small = wp.min(real(SMALL) * push[3], calm)
         if all > 0:
             small = real(0.0)
-        if C < -small or (lam > real(0.0) and (all > 0 or C > small or wp.length(slip - wp.dot(slip, n) * n) > small)):
+        takes = C < -small
+        if not takes and wp.dot(t.vec3(push[0], push[1], push[2]), n) > real(0.0):
+            takes = all > 0 or C > small
+            if not takes:
+                slip = t.vec3()
+                for k in range(4):
+                    slip += b[k] * (at.d[ids[k]] - at.a[ids[k]])
+                takes = wp.length(slip - wp.dot(slip, n) * n) > small
+        if takes:
             near.on[wp.atomic_add(near.active, 0, 1)] = j
             for k in range(4):
                 share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
@@ -96,7 +102,8 @@ def leads(real):
 @cache
 def press(real, module, turns=False):
     """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'. more: number of a
-    sweep in its block of those that lead ahead; -1: it does not. threads: as `lean`. turns: some are in turn."""
+    sweep in its block of those that lead ahead; -1: it does not; SPARED: nor is it taken in turn. threads: as `lean`. turns:
+    some are in turn."""
     t = types(real)
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
     fixed, lead_of, (arms, lever, torque) = pairs.fixed(real), leads(real), couple(real)
@@ -149,10 +156,15 @@ def press(real, module, turns=False):
         C = there[3] - wp.min(pushed[3], there[3] + climb)
         slip, D, mu = t.vec3(), t.vec3(), t.vec2()
         r, d = points(), points()
+        push = t.vec3(pushed[0], pushed[1], pushed[2])
+        for k in range(4):
+            C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
+        if C >= real(0.0) and wp.dot(push, push) == real(0.0):       # it did not push, and does not
+            near.swept[4 * j + pairs.PRIOR] = t.vec4()
+            return real(0.0)
         for k in range(4):
             q = ids[k]
             W += mass(turn, wp.abs(b[k]), q, s, to)
-            C += b[k] * wp.dot(n, at.d[q] - at.e[q])
             d[k] = at.d[q] - at.a[q]
             slip += b[k] * d[k]
             mu += real(0.5) * wp.abs(b[k]) * s.friction[q]
@@ -164,7 +176,6 @@ def press(real, module, turns=False):
             slip -= wp.cross(torque(K, r, d), D)
         if W <= real(0.0):
             return real(0.0)
-        push = t.vec3(pushed[0], pushed[1], pushed[2])
         over = wp.where(turn or lead > real(0.0), real(1.0), real(pairs.OVER))
         then = after(n, push, over * C, W, slip, mu)
         before = near.swept[4 * j + pairs.PRIOR]
@@ -181,6 +192,8 @@ def press(real, module, turns=False):
     def press_pairs(s: Surfaces, at: State, climb: real, more: int, threads: int, near: Pairs, words: wp.array(dtype=int),
                     to: Sums):
         turn = bool(turns) and more < 0 and words[pairs.NARROW] > 0
+        if turn and more == SPARED:
+            return
         lead = lead_of(more, words)
         j = wp.tid()
         most = real(0.0)

@@ -16,7 +16,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import closest, pairs, tree
-from wsim.kernels.selfcontact.tubes import MANY, frames
+from wsim.kernels.selfcontact.tubes import MANY, NARROW, frames
 
 REST = 0.4
 ROUND = 1.005          # of tubes, for rounding
@@ -212,7 +212,7 @@ def listed(real, module):
             each = real(wanted) / (real(points) * f.least[0] * f.least[0] * f.least[0])
             f.dense[0] = wp.max(each / real(MANY), real(1.0))
         if begins > 0:
-            words[pairs.NARROW] = wp.where(f.least[0] < real(1.0), 1, 0)
+            words[pairs.NARROW] = wp.where(f.least[0] < real(NARROW), 2, wp.where(f.least[0] < real(1.0), 1, 0))
         words[pairs.PROOF] = wp.where(f.part[0] < real(1.0), 1, 0)
         words[pairs.SOON] = wp.where(words[pairs.LACKED] > 0, 0, words[pairs.PROOF])
         words[pairs.AGE] = 0

@@ -8,6 +8,7 @@ Nodes are numbered as those of a heap: 1 is the root, 2 i and 2 i + 1 are below 
 stand in the order of a curve that keeps what is near together (wsim/physics/selfcontact/tree.py). A walk looks at the two nodes
 below one at once, whose boxes lie side by side, and needs no stack: bit k of its trail says that the node behind the one k
 levels up is met, too, and is to be seen (Laine 2010, Restart trail for stackless BVH traversal, keeps one bit a level alike).
+A CPU goes through a tree level by level instead, for one that looks at a time: 20 ns for two nodes where it took 50.
 Each world has a tree of its own, 2 leaves nodes further on; empty leaves have boxes that meet none.
 """
 
@@ -105,7 +106,8 @@ def back(node: int, trail: int):
     const four a0 = *(const four*)p, a1 = *(const four*)(p + 3), a2 = *(const four*)(p + 6), a3 = (*(const four*)(p + 8)).yzww;
     const auto meets = [&](int node) {
         const float* q = &of.data[root + node].data[0][0];
-        const four b0 = *(const four*)q, b1 = *(const four*)(q + 3), b2 = *(const four*)(q + 6), b3 = (*(const four*)(q + 8)).yzww;
+        const four b0 = *(const four*)q, b1 = *(const four*)(q + 3), b2 = *(const four*)(q + 6),
+                   b3 = (*(const four*)(q + 8)).yzww;
         const each apart = ((a0 - b1 > room) & (a2 - b3 > room)) | ((b0 - a1 > room) & (b2 - a3 > room));
         return __builtin_reduce_or(apart & each{-1, -1, -1, 0}) == 0 ? 1 : 0;
     };
@@ -136,8 +138,8 @@ def back(node: int, trail: int):
     return count;
 """)
 def met(a: Box, of: wp.array(dtype=Box), root: int, leaves: int, after: int, room: float, front: wp.array(dtype=int)) -> int:
-    """How many leaves a box meets, and them, in order, in `front`: level by level, without a branch that depends on a box, since
-    a CPU takes longer to guess wrong than to look. after: only leaves behind that one, -1: all."""
+    """Number of leaves that a box meets, which stand in order in `front`: level by level, without a branch that depends on a
+    box, since a CPU takes longer to guess wrong than to look. after: only leaves behind that one, -1: all."""
 
 
 @wp.func

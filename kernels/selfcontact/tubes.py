@@ -24,7 +24,9 @@ widest is smaller by sqrt(dense), and has to last for min(dense, DEAR) times PAY
 the solve would not last beyond its substep, it serves the proof alone: tubes of THIN beta (twice that for each further list of
 the substep, 4 THIN at most), and pairs that come within PROOF of what they keep, since a proof asks for the rounding of a file
 only (thicknesses of less than 8 units of it are warned of: PROOF of them is 2, and 1.75 are asked for). The next substep has a
-list of its own, whose tubes have NARROW beta.
+list of its own, whose tubes have NARROW beta, and TURNS where pairs are pressed in turn (kernels/selfcontact/rows.py), which
+costs a CPU by pairs: of a scrunch of 5041 points a half listed 270,000, of which 75,000 pushed, a quarter 160,000; what leaves
+them has the list behind the solve (14 of 250 substeps are projected, and 5 were).
 """
 
 from functools import cache
@@ -43,6 +45,7 @@ LASTS, WIDEST, STAYS = 20.0, 4.0, 0.75   # substeps that a list is to hold; the 
 PAYS, SPARE = 1.4, 3.0                   # substeps that lists last, at least, where tubes are widened; see above
 MANY, DEAR = 40.0, 3.0                   # pairs a point; times PAYS at most, that wide tubes have to last; see above
 NARROW, THIN, PROOF = 0.5, 0.25, 0.25    # of beta: tubes behind a list for a proof, and of one; of what pairs keep; see above
+TURNS = 0.25                             # NARROW where pairs are pressed in turn; see above
 RATE = 0.5                               # part of a radian that a substep turns by at most, else it is not turned with
 
 
@@ -181,11 +184,11 @@ def carried(real):
 @cache
 def axes(real, module):
     """Kernel: tubes, where lists are made: A before the substep is 1; lead: the least that one of the points has, from what
-    stands there on. Behind a list for a proof all are narrow."""
+    stands there on. Behind a list for a proof all have `narrow` beta."""
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lay_axes(s: Surfaces, at: State, words: wp.array(dtype=int), f: Frames):
+    def lay_axes(s: Surfaces, at: State, narrow: real, words: wp.array(dtype=int), f: Frames):
         i = s.point[wp.tid()]
         p = (at.x[i] + s.shift[i]) + at.e[i]
         q = wp.transform_point(wp.transform_inverse(f.frame[1]), (at.x[i] + s.shift[i]) + at.d[i])
@@ -200,7 +203,7 @@ def axes(real, module):
             widest = s.beta
         last = wp.min(real(LASTS) * f.most[0], real(SPARE) * widest * held)        # L times the greatest distance
         wide = wp.max(f.off[i] * last / wp.max(held * f.most[0], real(1.0e-30)), real(STAYS) * f.beta[i])
-        least = wp.where(f.part[0] < real(1.0), real(NARROW), real(1.0))
+        least = wp.where(f.part[0] < real(1.0), narrow, real(1.0))
         f.beta[i] = wp.where(least < real(1.0), least * s.beta, wp.clamp(wide, s.beta, widest))
         f.least[0] = least
         f.off[i] = real(0.0)

@@ -72,8 +72,16 @@ def test_results_are_the_same_from_run_to_run():
 
 
 def test_a_list_without_room_is_made_again_though_one_for_a_proof_follows(monkeypatch):
-    """Of 900 points that fly at each other each substep has two lists; the first finds no room, and what it left out counts."""
-    places = []
+    """Of 900 points that fly at each other each substep has two lists; the first finds no room, and what it left out counts. It
+    is the last that the frame makes."""
+    places, lists = [], []
+    grow = method.SelfContact.grow
+
+    def counted(self, wanted):
+        lists.append(int(self.status.said(method.SAID)[cut.SEARCHES]))
+        return grow(self, wanted)
+    monkeypatch.setattr(method.SelfContact, "grow", counted)
+    monkeypatch.setattr(near.Near, "foresee", lambda self, at: None)
     for each in (100, 1):
         monkeypatch.setattr(near, "EACH", each)
         sim = run(crumple(3, 30, 16.0))
@@ -82,6 +90,20 @@ def test_a_list_without_room_is_made_again_though_one_for_a_proof_follows(monkey
         places.append(sim.positions())
         assert (sim.plan.method("selfcontact").near.pairs.capacity > room) == (each == 1)
     assert said(sim)["searches"] > 15.0 and np.array_equal(*places)
+    assert lists[0] == 1 and len(lists) == sum("there was room for" in w for w in sim.warnings)
+
+
+def test_a_first_list_finds_room_before_its_frame_is_recorded(monkeypatch):
+    places = []
+    for each in (100, 1):
+        monkeypatch.setattr(near, "EACH", each)
+        sim = run(layers(4, 20, 2.5e-3, velocity=(0.0, 1.0, 0.0)))
+        room = sim.plan.method("selfcontact").near.pairs.capacity
+        sim.step()
+        places.append(sim.positions("/layer1"))
+        assert not [w for w in sim.warnings if "there was room for" in w]
+        assert (sim.plan.method("selfcontact").near.pairs.capacity > room) == (each == 1)
+    assert np.array_equal(*places)
 
 
 def test_pairs_that_are_pressed_in_turn_keep_their_momentum():

@@ -8,7 +8,7 @@ from tests.physics.selfcontact.rig import SOLVERS, layers
 from wsim.physics.selfcontact import modules as shared
 from wsim.simulation.simulation import Simulation
 
-CORE = len(shared.CORE) + len(shared.CORE_WORDS)
+CORE = len(shared.CORE) + len(shared.CORE_WORDS) + 1                    # search.meet
 SWEEPS = len(shared.SWEEPS) + len(shared.SWEEPS_WORDS) + 1               # press
 
 

@@ -63,16 +63,15 @@ class SelfContact(Method):
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
         self.obstacles = self.surfaces.obstacles
         self.reports = reports(self.surfaces)
-        self.near = Near(b.model, self.surfaces)
+        self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
+        turns = within and not b.model.device.is_cuda
+        self.near = Near(b.model, self.surfaces, turns)
         whole = b.clock.integrator.beyond        # which ends far from where it begins: normals of before prove less of it
         self.guarantee = Guarantee(b.model, self.near, whole)
-        self.total = np.zeros(cut.SAID, np.int64)
-        self.frames = self.repeats = self.run = 0
+        self.total, self.frames, self.repeats, self.run = np.zeros(cut.SAID, np.int64), 0, 0, 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
         self.often, self.fresh, self.busy, self.stopped = False, True, True, False
-        self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
         self.sweeps = SWEEPS if within else BEHIND
-        turns = within and not b.model.device.is_cuda
         real, module = b.model.real, sweeps(b.model, turns)
         self.lean, self.press = rows.lean(real, module), rows.press(real, module, turns)
         self.nearer, self.further = rows.nearer(real, module), rows.further(module)
@@ -190,7 +189,8 @@ class SelfContact(Method):
                 near.pairs.active.zero_()
                 self.model.launch(self.lean, threads, [at, climb, calm, last, threads, near.pairs], [near.sums])
             again = int(last or k == count - 2 or k % anew == anew - 1)
-            inputs = [data, at, climb, k if leads else -1, threads, near.pairs, near.words]
+            more = k if leads else rows.SPARED if count == SWEEPS and k == 1 else -1
+            inputs = [data, at, climb, more, threads, near.pairs, near.words]
             self.model.launch(self.press, threads, inputs, [near.sums])
             self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, again, near.sums], [at.d])
             if self.contact:
@@ -223,7 +223,8 @@ class SelfContact(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.fresh:
-            self.near.build()
+            self.near.build(*(() if self.surfaces.state else (self.own(), clock.h * self.state.v.numpy())))
+            self.settle.room()
         else:
             self.near.anew()
         self.surfaces.weigh(self.points.constants.w)

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from wsim.model.model import Model
 
-CORE = (tree.number, tree.lay, tubes.tally, tubes.fold, tubes.fit, tubes.axes, tubes.watch, tubes.thin, search.meet,
-        search.sift, search.listed, certificate.inspect, certificate.share, certificate.project, pairs.settle_sums, cut.claim,
-        cut.shorten, cut.cut, cut.tell)
+CORE = (tree.number, tree.lay, tubes.tally, tubes.fold, tubes.fit, tubes.axes, tubes.watch, tubes.thin, search.sift,
+        search.listed, certificate.inspect, certificate.share, certificate.project, pairs.settle_sums, cut.claim, cut.shorten,
+        cut.cut, cut.tell)                               # and search.meet
 CORE_WORDS = tree.join, certificate.proceed              # of no precision
 SWEEPS = tubes.way, rows.lean, rows.nearer               # and rows.press
 SWEEPS_WORDS = (rows.further,)
@@ -30,7 +30,9 @@ SWEEPS_WORDS = (rows.further,)
 
 def core(model: Model) -> str:
     """Name of the module of search and proof."""
-    return _made(model, "wsim_selfcontact", CORE, CORE_WORDS)
+    def meet(real, module):
+        return search.meet(real, module, not model.device.is_cuda)
+    return _made(model, "wsim_selfcontact", (*CORE, meet), CORE_WORDS)
 
 
 def sweeps(model: Model, turns: bool) -> str:

@@ -30,8 +30,10 @@ class Near:
     """pairs: the list; found: candidates for it; words: what decides on the device (kernels/selfcontact/pairs.py); sums: what
     pairs add up."""
 
-    def __init__(self, model: Model, surfaces: Surfaces):
+    def __init__(self, model: Model, surfaces: Surfaces, turns: bool = False):
+        """turns: pairs may be pressed in turn (kernels/selfcontact/rows.py)."""
         self.model, self.surfaces = model, surfaces
+        self.narrow = tubes.TURNS if turns else tubes.NARROW
         real, module, device, t = model.real, core(model), model.device, types(model.real)
         self.tally, self.fold, self.fit = tubes.tally(real, module), tubes.fold(real, module), tubes.fit(real, module)
         self.axes, self.watch, self.thin = tubes.axes(real, module), tubes.watch(real, module), tubes.thin(real, module)
@@ -117,15 +119,28 @@ class Near:
         self.sums.move.zero_()
         self.sums.factor.fill_(1.0)
 
-    def build(self) -> None:
-        """Sorts what looks and what is looked into, first by where points start; not captured."""
+    def build(self, at=None, step: np.ndarray | None = None) -> None:
+        """Sorts what looks and what is looked into, first by where points start, and then makes room for the pairs of a first
+        list, if `at` and how far points go in a substep are given [m]; not captured."""
         if self.age == 0:
             self.frames.start.assign(self.surfaces.start(self.model).astype(self.model.dtype))
         if self.age % SORTED == 0:
             for order in (*self.tips, *(tree.order for tree in self.trees)):
                 order.sort(self.frames)
         self.age += 1
+        if self.age == 1 and at is not None:
+            at.d.assign(at.e.numpy() + step)
+            self.foresee(at)
         self.grown = 0
+
+    def foresee(self, at) -> None:
+        """Room for the pairs of a list that is made and forgotten, before a frame is recorded that has none: to record one of
+        XPBD again takes a CPU longer than to step it."""
+        self.search(at, begins=1)
+        while wanted := int(self.word(pairs.LACKED).numpy()[0]):
+            self.grow(wanted)
+            self.search(at, begins=1)
+        self.anew()
 
     def allow(self, rounds: int) -> None:
         """Projections that a substep has at most, in frames to come."""
@@ -151,7 +166,7 @@ class Near:
         launch, s, f = self.model.launch, self.surfaces, self.frames
         self.move(at, 1)
         f.lead.fill_(most)
-        launch(self.axes, len(s.points), [s.data, at, self.words], [f])
+        launch(self.axes, len(s.points), [s.data, at, self.narrow, self.words], [f])
         f.part.fill_(1.0)
         if solved:
             launch(self.thin, len(s.points), [s.data, self.words], [f])
