@@ -60,22 +60,6 @@ def gather():
     ...
 
 
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    double r;
-    asm("rcp.approx.ftz.f64 %0, %1;" : "=d"(r) : "d"(x));
-    r = fma(r, fma(-x, r, 1.0), r);
-    return fma(r, fma(-x, r, 1.0), r);
-#else
-    return 1.0 / x;
-#endif
-""")
-def inverse(x: wp.float64) -> wp.float64:
-    """1 / x to rounding, of what is far from the least and greatest numbers: 20 bits, twice doubled. Four in a row are what an
-    elimination waits for longest, and a division takes four times as long."""
-    ...
-
-
 @wp.func_native(f"""
 #if defined(__CUDA_ARCH__)
     __shared__ double room[8 * {STEPS * NUMBERS}];

@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.apart.desk import arrive, desk, fetch, got, got3, inverse, meet, sent, together, whole
+from wsim.kernels.rods.apart.desk import arrive, desk, fetch, got, got3, meet, sent, together, whole
 from wsim.kernels.rods.apart.parts import (
     AIR,
     EDGE,
@@ -90,22 +90,23 @@ def own_block(at: int, lane: int, w: Window):
 def factors(D: wp.mat44d):
     """Factors of the symmetric part of a block; rounding makes others of it, see kernels/rods/eliminate.py."""
     f = Factors()
+    one = wp.float64(1.0)
     half = wp.float64(0.5)
     u0 = half * (D[0, 1] + D[1, 0])
     u1 = half * (D[0, 2] + D[2, 0])
     u2 = half * (D[0, 3] + D[3, 0])
-    p = inverse(D[0, 0])
+    p = one / D[0, 0]
     f.a = wp.vec3d(u0 * p, u1 * p, u2 * p)
-    q = inverse(D[1, 1] - f.a[0] * u0)
+    q = one / (D[1, 1] - f.a[0] * u0)
     v1 = half * (D[1, 2] + D[2, 1]) - f.a[1] * u0
     v2 = half * (D[1, 3] + D[3, 1]) - f.a[2] * u0
     b0 = v1 * q
     b1 = v2 * q
-    s = inverse(D[2, 2] - f.a[1] * u1 - b0 * v1)
+    s = one / (D[2, 2] - f.a[1] * u1 - b0 * v1)
     w2 = half * (D[2, 3] + D[3, 2]) - f.a[2] * u1 - b1 * v1
     b2 = w2 * s
     f.b = wp.vec3d(b0, b1, b2)
-    f.d = wp.vec4d(p, q, s, inverse(D[3, 3] - f.a[2] * u2 - b1 * v2 - b2 * w2))
+    f.d = wp.vec4d(p, q, s, one / (D[3, 3] - f.a[2] * u2 - b1 * v2 - b2 * w2))
     return f
 
 
