@@ -144,10 +144,11 @@ class Contact(Method):
         if self.movers:
             self.movers.listed(clock)
 
-    def project(self, clock: Clock) -> None:
+    def project(self, clock: Clock, beside: bool = False) -> None:
+        """Contacts at the end of an iteration. beside: in turn with contacts of surfaces, which push points too."""
         g = clock.h if self.prolonged and self.prolonged.ended else clock.g
         if self.movers:
-            self.movers.project(clock)
+            self.movers.project(clock, beside)
         elif self.within and not self.contacts.recorded:
             if self.press:
                 self.press(clock, g)

@@ -195,7 +195,7 @@ class SelfContact(Method):
             self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, again, near.sums], [at.d])
             if self.contact:
                 self.give()
-                self.contact.project(clock)
+                self.contact.project(clock, beside=True)
                 self.borrow()
         self.give()
 

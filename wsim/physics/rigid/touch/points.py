@@ -191,8 +191,8 @@ class Touch(Substeps):
         """Planes go with the bodies."""
         self.run("tell", self.room_for, [self.rows, self.found, self.V, self.shapes.of, clock.h], [self.contacts.slots])
 
-    def project(self, clock: Clock) -> None:
-        """Contacts at the end of an iteration."""
+    def project(self, clock: Clock, beside: bool = False) -> None:
+        """Contacts at the end of an iteration; beside: momentum is not balanced, as surfaces push points too."""
         if self.foreseen and not self.contact.press:     # else all Newton steps are done in the first iteration
             if clock.i < clock.iterations - 1:
                 self.foreseen.lean(clock)
@@ -209,7 +209,7 @@ class Touch(Substeps):
                 self.form.launch(self.step[1], self.steps(clock), [])
             self.joined(clock)
 
-        if self.foreseen and clock.i == clock.iterations - 1:
+        if self.foreseen and clock.i == clock.iterations - 1 and not beside:
             self.foreseen.balance(clock)
             if not self.contact.press:
                 self.foreseen.miss()
