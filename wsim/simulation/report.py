@@ -2,7 +2,7 @@
 `--json` prints them."""
 
 UNITS = {"penetration": "m", "too_near": "m"}
-NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell"}     # rows of parts of the state, one of them
+NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point"}     # rows of parts of the state, one of them
 APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
 ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "report", "total")
 

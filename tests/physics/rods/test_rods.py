@@ -22,6 +22,8 @@ from tests.physics.rods.rig import (
 )
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Plane, Scene, SceneError
+from wsim.simulation.measure.indicators import report
+from wsim.simulation.report import text
 
 
 def test_a_bent_rod_falls_freely_and_keeps_its_momentum():
@@ -231,6 +233,14 @@ def test_a_strand_that_lands_on_a_floor_is_solved_in_four_iterations(speed):
     load = method.part.arrays["load"].numpy()
     weight = method.table.values["m"][:, 0] * 9.81
     assert np.allclose(load, weight, rtol=1e-6)                                          # each point bears its own
+
+
+def test_a_report_counts_points_of_strands_of_all_lengths():
+    """It said 1920 rods: 48 strands of the longest one's points."""
+    simulation, _ = simulated(on_ball())
+    found = report(simulation)
+    assert found["sizes"] == {"rods": 16 * (9 + 20 + 40)}
+    assert text(found).startswith("0 frames of 1104 rod points on cpu")
 
 
 def test_what_strands_do_not_feel_is_told():

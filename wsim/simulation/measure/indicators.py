@@ -191,7 +191,8 @@ def report(sim, with_profile: bool = True) -> dict:
     constraints, a_substep = rows(plan)
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
     forms = {"forms": dict(sim.forms)} if plan.parted else {}
-    sizes = {name: part.count for name, part in plan.state.parts.items()               # not "grid x", which is of the grid
+    sizes = {name: sum(map(len, part.rows.values())) or part.count                     # strands of all lengths have equal rows
+             for name, part in plan.state.parts.items()                                # not "grid x", which is of the grid
              if name != "points" and " " not in name and part.count}
     return {
         "device": str(sim.device), "device_name": sim.device.name, "precision": sim.precision, "worlds": sim.worlds,
