@@ -171,6 +171,24 @@ def test_points_that_are_attached_to_a_body_that_forces_move_are_an_error(read, 
         assert len(scene.pins or scene.things("Rods")[0].pins) == 1
 
 
+# Curves --------------------------------------------------------------------------------------------------------------
+
+def test_widths_of_a_rope_without_thicknesses_are_said_to_be_only_seen(read):
+    """The rope was 1 mm thick and said nothing."""
+    said = ("/rope: widths of up to 0.01 m are only seen: physics:thicknesses is not authored, and strands are 0.001 m thick; "
+            "author it, in units of the stage")
+    assert said in notes(read(ROPE))
+    for other in (ROPE.replace("widths = [0.01]", "widths = [0.001]"),
+                  ROPE.replace("float[] widths", "float[] physics:thicknesses = [0.02]\n    float[] widths")):
+        assert "only seen" not in notes(read(other))
+
+
+def test_a_closed_curve_is_said_to_be_springs_and_why(read):
+    said = notes(read(ROPE.replace("uniform token type", 'uniform token wrap = "periodic"\n    uniform token type')))
+    assert ("/rope: is simulated as springs along its segments, without bending, twist and wsim:selfCollision: it is no "
+            "BasisCurves with open ends; author wrap = nonperiodic for these") in said
+
+
 # Names that nobody reads ---------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(("text", "said"), [

@@ -53,6 +53,7 @@ def load_rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
         elif value is not None:
             setattr(rods, field, value)
     rods.diameters = _of_points(reading, prim, "diameters", counts, names.THICKNESS)
+    _seen(reading, prim)
     _material(reading, prim, rods)
     rods.masses = _masses(reading, prim, body, rods)
     rods.static_friction, rods.dynamic_friction = load_friction(reading, prim)
@@ -60,6 +61,17 @@ def load_rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
         if (value := read(prim, "Rods", field, units)) is not None:
             setattr(rods, field, value)
     return rods
+
+
+def _seen(reading: Reading, prim: Usd.Prim) -> None:
+    """Warns of widths that say another diameter than the fallback, where no thicknesses are authored."""
+    widths = UsdGeom.BasisCurves(prim).GetWidthsAttr().Get(reading.start)
+    if not widths or read(prim, "Rods", "diameters", reading.units) is not None:
+        return
+    largest, name = float(np.max(widths)) * reading.units.metres, names.row("Rods", "diameters").attribute
+    if abs(largest - names.THICKNESS) > 1e-3 * names.THICKNESS:
+        reading.warn(prim.GetPath(), f"widths of up to {largest:.3g} m are only seen: {name} is not authored, and strands are "
+                     f"{names.THICKNESS:g} m thick; author it, in units of the stage")
 
 
 def _of_points(reading: Reading, prim: Usd.Prim, field: str, counts: np.ndarray, fallback: float) -> np.ndarray:

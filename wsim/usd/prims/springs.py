@@ -121,7 +121,8 @@ def author_muscles(prim: Usd.Prim, springs: Springs, units: Units) -> None:
 def _rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim, points: np.ndarray, edges: np.ndarray) -> Springs | None:
     """A curves deformable: stiffness E A / L and mass of each segment from its rest shape."""
     path, motion = prim.GetPath(), placement(reading, prim).motion
-    reading.warn(path, "is simulated as springs along its segments: bending and twist of curves are not simulated yet")
+    reading.warn(path, "is simulated as springs along its segments, without bending, twist and wsim:selfCollision: it is no "
+                       "BasisCurves with open ends; author wrap = nonperiodic for these")
     rest = read(prim, "Cloth", "rest_points", reading.units)
     rest = points if rest is None else rest
     if len(rest) != len(points):
