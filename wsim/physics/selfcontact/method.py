@@ -56,6 +56,7 @@ class SelfContact(Method):
         self.points = b.methods.find("points")
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
         self.bounce: Any = None          # what they throw back with, `wsim.physics.contact.restitution.Bounce`
+        self.start: Any = None           # e where substeps begin, if bodies change it for a memory
         self.prolonged = getattr(b.methods.find("contact"), "prolonged", None)
         b.status.reserve(SAID, cut.SAID)
         self.fast = fast.Fast(b.model, b.clock)
@@ -66,8 +67,7 @@ class SelfContact(Method):
         self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
         turns = within and not b.model.device.is_cuda
         self.near = Near(b.model, self.surfaces, turns)
-        whole = b.clock.integrator.beyond        # which ends far from where it begins: normals of before prove less of it
-        self.guarantee = Guarantee(b.model, self.near, whole)
+        self.guarantee = Guarantee(b.model, self.near, b.clock.integrator.beyond)     # far from where normals of before are
         self.total, self.frames, self.repeats, self.run = np.zeros(cut.SAID, np.int64), 0, 0, 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
         self.often, self.fresh, self.busy, self.stopped = False, True, True, False
@@ -105,10 +105,11 @@ class SelfContact(Method):
     def own(self):
         """State of the points, as a launch reads it."""
         s = self.state
-        return filled(states(self.model.real), x=s.x, e=s.e, d=s.d, a=self.points.anchor)
+        return filled(states(self.model.real), x=s.x, e=s.e if self.start is None else self.start, d=s.d, a=self.points.anchor)
 
     def meet(self, others: Methods) -> None:
         self.contact, self.bounce = others.find("contact"), others.find("bounce")
+        self.start = self.contact.movers.starts() if self.contact and self.contact.movers else None
         self.settle.meet(others)
 
     def at(self):
@@ -235,8 +236,7 @@ class SelfContact(Method):
 
     def retry(self, status: Status) -> list[Remedy]:
         said = status.said(SAID)
-        wanted = int(said[cut.WANTED])
-        self.busy = bool(said[cut.BUSY])
+        wanted, self.busy = int(said[cut.WANTED]), bool(said[cut.BUSY])
         if self.clock.free:
             return [Remedy("meet")] if self.busy or wanted else []
         if wanted:

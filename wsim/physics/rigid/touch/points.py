@@ -59,8 +59,15 @@ class Touch(Substeps):
         of_memory = (rebound.carry, rebound.others) if self.memory else ()
         self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
         self.before = wp.zeros_like(b.state.x) if self.memory else None          # anchors before a search
+        self.start: Any = None
         self.bounds = colour.bounds(b.model.module)
         self.half: Half | None = None
+
+    def starts(self) -> Any:
+        """e where substeps begin, kept from now on for who asks; None where it is e itself, which no memory changes."""
+        if self.memory and self.start is None:
+            self.start = wp.zeros_like(self.before)
+        return self.start
 
     def colliders(self, world: int) -> list[Collider]:
         """Shapes of the bodies of a world, where they start."""
@@ -171,6 +178,8 @@ class Touch(Substeps):
     def listed(self, clock: Clock) -> None:
         """Lists contacts in the order of bodies, behind a search."""
         own, n, rig, slots = self.rows, len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots
+        if self.start is not None:
+            self.model.copy(self.start, self.state.e)
         if self.memory:
             self.run("carry", self.model.points, [self.shapes.of, slots, self.contact.anchor, self.before, self.state.e],
                      [self.state.e, self.contacts.struck])
