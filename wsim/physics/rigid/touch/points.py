@@ -58,7 +58,7 @@ class Touch(Substeps):
         more = (rebound.rise, rebound.thrown, rebound.remember) if self.rises else ()
         of_memory = (rebound.carry, rebound.others) if self.memory else ()
         self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
-        self.before = wp.zeros_like(b.state.x) if self.memory else None          # anchors before a search
+        self.before: Any = wp.zeros_like(b.state.x) if self.memory else None     # anchors before a search
         self.start: Any = None
         self.bounds = colour.bounds(b.model.module)
         self.half: Half | None = None
