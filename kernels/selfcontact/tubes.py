@@ -26,7 +26,7 @@ the substep, 4 THIN at most), and pairs that come within PROOF of what they keep
 only (thicknesses of less than 8 units of it are warned of: PROOF of them is 2, and 1.75 are asked for). The next substep has a
 list of its own, whose tubes have NARROW beta, and TURNS where pairs are pressed in turn (kernels/selfcontact/rows.py), which
 costs a CPU by pairs: of a scrunch of 5041 points a half listed 270,000, of which 75,000 pushed, a quarter 160,000; what leaves
-them has the list behind the solve (14 of 250 substeps are projected, and 5 were).
+them has the list behind the solve (13 of 250 substeps are projected, and 5 were).
 """
 
 from functools import cache
