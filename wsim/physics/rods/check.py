@@ -10,6 +10,9 @@ from wsim.scene import Motion, Problem, Scene, Surface
 from wsim.scene.check.objects import error, number, warning
 
 STOUT = 1.0           # diameter over length of an edge from which a strand is no thin rod
+ACROSS = 1e-5         # sine of the angle to its edge below which rounding of float32 says where a director points
+AUTHORED = {"directors": "directors (of curves: normals)", "rest_directors": "rest_directors (of curves: physics:restNormals)",
+            "rest_points": "rest_points (of curves: physics:restShapePoints)"}
 
 
 def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
@@ -32,6 +35,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     if wrong:
         return
     yield from _edges(rods)
+    yield from _directors(rods)
     yield from _pins(rods)
     yield from _passed(rods, scene)
     for c in scene.colliders:
@@ -97,7 +101,7 @@ def _arrays(rods: Rods) -> Iterator[Problem]:
             yield error(path, f"{name} has {len(value)} values", f"{n}, one a point", "author it again")
         elif not np.isfinite(value).all():
             k = int(np.flatnonzero(~np.isfinite(value).all(axis=1))[0])
-            yield error(path, f"{name}[{k}] is {value[k].tolist()}", "finite numbers", "author it again")
+            yield error(path, f"{AUTHORED.get(name, name)}[{k}] is {value[k].tolist()}", "finite numbers", "author it again")
     for name, sizes in (("diameters", (1, n)), ("masses", (n,))):
         value = getattr(rods, name)
         if value is not None and (len(value) not in sizes or not (np.isfinite(value) & (value > 0.0)).all()):
@@ -128,6 +132,24 @@ def _edges(rods: Rods) -> Iterator[Problem]:
     if (short := rods.counts < LEAST).any():
         yield warning(rods.path, f"{np.count_nonzero(short)} strands have {int(rods.counts.min())} points, and do not bend",
                       f"{LEAST} or more", "give a point more")
+
+
+def _directors(rods: Rods) -> Iterator[Problem]:
+    """Directors that are zero or along their edge: they say no turn of it."""
+    R, inner = rods.motion.at(0.0)[:3, :3], np.ones(len(rods.points) - 1, bool)
+    inner[np.cumsum(rods.counts)[:-1] - 1] = False
+    rest = rods.points if rods.rest_points is None else rods.rest_points
+    for name, x in (("directors", rods.points), ("rest_directors", rest)):
+        if (given := getattr(rods, name)) is None:
+            continue
+        d, t = (np.asarray(v, np.float64) @ R.T for v in (given[:-1], np.diff(x.astype(np.float64), axis=0)))
+        size = np.linalg.norm(d, axis=1) * np.linalg.norm(t, axis=1)
+        lost = inner & (np.linalg.norm(np.cross(d, t), axis=1) <= ACROSS * size) & (np.linalg.norm(t, axis=1) > 0.0)
+        if lost.any():
+            k = int(np.argmax(lost))
+            yield error(rods.path, f"{AUTHORED[name]}[{k}] is {given[k].tolist()}, the edge behind point {k} goes along "
+                        f"{np.diff(x, axis=0)[k].tolist()} ({np.count_nonzero(lost)} such edges)",
+                        "directions across their edges, not 0", "author it again, or leave it out: strands are not twisted then")
 
 
 def _pins(rods: Rods) -> Iterator[Problem]:
