@@ -221,6 +221,24 @@ def test_a_fan_of_three_triangles_and_a_sliver_bend_as_hinges():
     np.testing.assert_allclose(1.0 / inverse[edge], 1.0, rtol=1e-12)                 # l = 1, A = 1/2 + 1/2
 
 
+def test_triangles_without_a_height_divide_nothing_and_leave_gradients_alone():
+    """One of three points in a row, one of an edge without length, and then all in one place: they have no curvature."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0], [0.2, -1, 0], [0.35, -1, 0], [0.35, -1, 0]], float)
+    triangles = np.array([[0, 1, 2], [1, 0, 3], [0, 4, 3], [4, 5, 3], [3, 5, 6]], np.int32)
+    ids, whole = topology.hinges(triangles), topology.hinges(triangles[:3])
+    good = np.array([(row == whole).all(axis=1).any() for row in ids])
+    with np.errstate(divide="raise", invalid="raise"):
+        both = [bending.patches(points, triangles, ids[good], np.zeros(7, bool)),
+                bending.patches(points, triangles[:3], whole, np.zeros(7, bool))]
+        (one, inverse), (other, less) = (bending.coupling(points, found) for found in both)
+        assert (one.value[3:] == 0.0).all() and (one.value[:3] == other.value).all() and (inverse == less).all()
+        by = [bending.by_points(points, found, np.ones_like(c.value), np.ones_like(inverse))
+              for found, c in zip(both, (one, other), strict=True)]
+        assert (by[0] == by[1]).all() and np.abs(by[0]).max() > 0.1
+        nothing = bending.patches(0.0 * points, triangles, ids[:0], np.zeros(7, bool))
+        assert (bending.coupling(0.0 * points, nothing)[0].value == 0.0).all()
+
+
 def test_a_sheet_of_shapes_has_hinges_of_every_kind_of_cut():
     """Quads, as an author has them, bend as their triangles do."""
     found = []

@@ -200,6 +200,7 @@ def test_one_compliance_becomes_many(make, name, values):
     assert np.abs(sims[0].positions() - sims[1].positions()).max() < 1e-13
 
 
+@pytest.mark.filterwarnings("error")
 def test_what_cannot_be_a_rest_shape_is_named_and_changes_nothing():
     sim = Simulation(sheet("membrane", integrator="leapfrog"), device="cpu")
     for values, text in [(np.zeros((24, 3)), r"shape \(25, 3\); found \(24, 3\)"), (np.full((25, 3), np.nan), "must be finite"),

@@ -41,7 +41,7 @@ def test_the_normal_of_a_last_point_which_no_edge_has_may_be_anything(tmp_path):
 
 def test_directors_are_seen_beside_the_edges_of_each_strand():
     """Two strands that are not one: the edge between them is none, and none behind the last point."""
-    x = np.array(STRAIGHT + [[0.5, 0.1, 0.0], [0.5, 0.2, 0.0], [0.5, 0.3, 0.0]])
+    x = np.array(STRAIGHT + [[0.5, 0.125, 0.0], [0.5, 0.25, 0.0], [0.5, 0.375, 0.0]])
     d = np.tile([0.0, 0.0, 1.0], (7, 1))
     d[[3, 6]] = 0.0
     scene = Scene()
@@ -49,6 +49,5 @@ def test_directors_are_seen_beside_the_edges_of_each_strand():
     assert not [p for p in check(scene) if p.fatal]
     rods.directors[5] = 0.0, 3.0, 0.0
     assert [p.text for p in check(scene) if p.fatal] == [
-        "directors (of curves: normals)[5] is [0.0, 3.0, 0.0], the edge behind point 5 goes along [0.0, 0.09999999999999998, 0.0] "
-        "(1 such edges); allowed: directions across their edges, not 0; mend: author it again, or leave it out: strands are not "
-        "twisted then"]
+        "directors (of curves: normals)[5] is [0.0, 3.0, 0.0], the edge behind point 5 goes along [0.0, 0.125, 0.0] "
+        "(1 such edges); allowed: directions across their edges, not 0; mend: author it again, or leave it out: no twist then"]

@@ -47,6 +47,7 @@ LOW = 1e-6             # height of a triangle over its longest edge, below which
 POWER = 32             # the bound is above the highest eigenvalue by 3^(1/32) at most, 3.5 %
 SMOOTH = 1e-4          # of the squares of a triangle's F: what is added to each, so that D has a gradient where F is 0
 TINY = 1e-30           # step of complex differences
+ANY = np.eye(3)        # corners in the place of those of triangles that bear nothing: nothing is divided by 0
 ROOT2 = 2.0**0.5
 
 
@@ -174,9 +175,9 @@ def split(p: np.ndarray, bends: np.ndarray, there: np.ndarray) -> np.ndarray:
 
 
 def bearing(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """l_k / A^1/2 n_k n_k^T of triangles (t, 3, 3) without what borders leave free (t, 3): (t, edge, 3), by (tt, 2^1/2 nt, nn)
-    of edge 0."""
-    x = [corners[:, k] for k in range(3)]
+    """l_k / A^1/2 n_k n_k^T of triangles (t, 3, 3) without what borders leave free (t, 3), all of those without a height: (t, edge,
+    3), by (tt, 2^1/2 nt, nn) of edge 0."""
+    x = [np.where(free.all(axis=1)[:, None], ANY[k], corners[:, k]) for k in range(3)]
     e = [x[2] - x[1], x[0] - x[2], x[1] - x[0]]
     L = [np.sqrt(_dot(each, each)) for each in e]
     h = _over(x[1], x[2], x[0])[2]
@@ -192,11 +193,10 @@ def bearing(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
         size = _dot(u, u)
         some = size.real > 1e-12
         basis.append(u * (some / np.sqrt(np.where(some, size, 1.0)))[:, None])
-    area = np.where(free.all(axis=1), 1.0, 0.5 * L[0] * h)                 # of those without a height nothing is left
     for k in range(3):
         for q in basis:
             found[k] = found[k] - q * _dot(found[k], q)[:, None]
-        found[k] = found[k] * (L[k] / np.sqrt(area) * ~free[:, k])[:, None]
+        found[k] = found[k] * (L[k] / np.sqrt(0.5 * L[0] * h) * ~free[:, k])[:, None]
     return np.stack(found, axis=1)
 
 

@@ -149,7 +149,7 @@ def _directors(rods: Rods) -> Iterator[Problem]:
             k = int(np.argmax(lost))
             yield error(rods.path, f"{AUTHORED[name]}[{k}] is {given[k].tolist()}, the edge behind point {k} goes along "
                         f"{np.diff(x, axis=0)[k].tolist()} ({np.count_nonzero(lost)} such edges)",
-                        "directions across their edges, not 0", "author it again, or leave it out: strands are not twisted then")
+                        "directions across their edges, not 0", "author it again, or leave it out: no twist then")
 
 
 def _pins(rods: Rods) -> Iterator[Problem]:
