@@ -8,7 +8,7 @@ from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from wsim.cli.inventory import count, inventory
+from wsim.cli.inventory import count
 from wsim.cli.progress import line
 from wsim.cli.schema import schema  # noqa: F401  (a command)
 from wsim.simulation import interrupt
@@ -209,36 +209,10 @@ def new(args) -> int:
 
 
 def check(args) -> int:
-    """`wsim check`: every problem of a scene, its errors first; fails if it cannot be simulated."""
-    from wsim.scene import SceneError
-    from wsim.scene.check.scene import check as examine
-    from wsim.scene.skin import held
-    from wsim.usd.settings import without_rate
+    """`wsim check`: every problem of a scene."""
+    from wsim.cli.check import check as examine
 
-    scene, problems = None, []
-    try:
-        scene = _load(args)
-        problems = list(dict.fromkeys([*scene.notes, *examine(scene), *without_rate(args.scene)]))
-        if not any(problem.fatal for problem in problems):
-            held(scene)
-    except SceneError as error:
-        problems += error.problems
-    problems.sort(key=lambda p: not p.fatal)
-    fatal = sum(p.fatal for p in problems)
-    if args.json:
-        print(as_json({"scene": args.scene, "errors": fatal, "problems": [
-            {"path": p.path, "text": p.text, "fatal": p.fatal} for p in problems]}))
-        return FAILED if fatal else DONE
-    for problem in problems:
-        print(problem)
-    if scene and not fatal:
-        from wsim.scene.check.contact import taken
-        from wsim.scene.check.slivers import told
-        for text in [*reports.kept(taken(scene)), *told(scene)]:
-            print(text)
-    counts = f"{args.scene}: {count(fatal, 'error')}, {count(len(problems) - fatal, 'warning')}"
-    print(f"{counts}; {inventory(scene)}" if scene else counts)
-    return FAILED if fatal else DONE
+    return examine(lambda: _load(args), args)
 
 
 def plan(args) -> int:

@@ -5,8 +5,10 @@ import pytest
 
 from tests.make.usda import Reader, errors
 from wsim.physics.rods.objects import Rods
-from wsim.scene import Scene
+from wsim.physics.selfcontact.start import apart
+from wsim.scene import Scene, SceneError
 from wsim.scene.check.scene import check
+from wsim.simulation.simulation import Simulation
 
 APIS = '"PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "WsimRodsAPI"'
 STRAIGHT = [[0.1 * k, 0.0, 0.0] for k in range(4)]
@@ -51,3 +53,54 @@ def test_directors_are_seen_beside_the_edges_of_each_strand():
     assert [p.text for p in check(scene) if p.fatal] == [
         "directors (of curves: normals)[5] is [0.0, 3.0, 0.0], the edge behind point 5 goes along [0.0, 0.125, 0.0] "
         "(1 such edges); allowed: directions across their edges, not 0; mend: author it again, or leave it out: no twist then"]
+
+
+def test_counts_that_change_in_time_are_refused(tmp_path):
+    counts = "int[] curveVertexCounts = [4]"
+    text = curve("").replace(counts, counts + "\nint[] curveVertexCounts.timeSamples = {0: [4], 2: [2, 2]}")
+    assert "/rope: curveVertexCounts is sampled in time and changes at time code 2" in errors(Reader(tmp_path), text)
+
+
+def strands(count: int, gap: float, diameter: float = 2e-3) -> Scene:
+    """Straight strands of five points that touch each other, side by side along z."""
+    x = np.zeros((count, 5, 3))
+    x[..., 0], x[..., 2] = 0.01 * np.arange(5), gap * np.arange(count)[:, None]
+    scene = Scene(frames=1)
+    scene.add(Rods("/strands", x, [5] * count, diameter, self_collision=True))
+    return scene
+
+
+def test_an_edge_shorter_than_it_is_thick_is_told_with_a_diameter_that_is_not():
+    def told(diameter: float) -> list[str]:
+        return [p.text for p in check(strands(1, 0.0, diameter)) if "thick" in p.text]
+    (text,) = told(0.05)
+    most = float(text.split("at most ")[1].removesuffix(" m"))
+    assert most == 0.01 and told(most) == [] and told(1.01 * most)
+
+
+def test_thousands_of_strands_in_one_place_are_refused_with_their_number_and_place():
+    """Each would be near all others: half a million pairs, whose first frame did not end within minutes."""
+    with pytest.raises(SceneError, match=r"/strands: 1000 points of strands .* within 0.0046 m of each other at \(0, 0, 0\) m"):
+        Simulation(strands(1000, 0.0), device="cpu")
+
+
+def test_strands_that_begin_in_each_other_are_told_with_the_place():
+    scene = strands(2, 0.02)
+    x = scene.things("Rods")[0].points
+    x[5:] = x[:5, [2, 1, 0]] + np.array([0.015, 0.0, -0.025])                 # across the middle of the second edge
+    (text,) = [w for w in Simulation(scene, device="cpu").warnings if "meet where they start" in w]
+    assert text.startswith("warning: /strands: 1 pairs of edges of strands meet where they start, such as /strands and /str")
+    x[5:, 1] += 1e-3
+    assert not [w for w in Simulation(scene, device="cpu").warnings if "meet" in w]
+
+
+def test_distances_of_segments_are_those_of_a_dense_grid():
+    """Of random, parallel and vanishing ones: not above the least of 101 x 101 places, and below it by a step at most."""
+    a, b = np.random.default_rng(0).normal(size=(2, 60, 2, 3))
+    b[:20, 1] = b[:20, 0] + 1.5 * (a[:20, 1] - a[:20, 0])
+    b[20:30, 1] = b[20:30, 0]
+    s = np.linspace(0.0, 1.0, 101)[None, :, None]
+    p, q = (each[:, :1] + s * (each[:, 1:] - each[:, :1]) for each in (a, b))
+    least = np.linalg.norm(p[:, :, None] - q[:, None], axis=-1).min(axis=(1, 2))
+    found = apart(a, b)
+    assert (found <= least + 1e-12).all() and (least - found).max() < 0.05

@@ -175,9 +175,9 @@ def split(p: np.ndarray, bends: np.ndarray, there: np.ndarray) -> np.ndarray:
 
 
 def bearing(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """l_k / A^1/2 n_k n_k^T of triangles (t, 3, 3) without what borders leave free (t, 3), all of those without a height: (t, edge,
-    3), by (tt, 2^1/2 nt, nn) of edge 0."""
-    x = [np.where(free.all(axis=1)[:, None], ANY[k], corners[:, k]) for k in range(3)]
+    """l_k / A^1/2 n_k n_k^T of triangles (t, 3, 3) without what borders leave free (t, 3), all of those without a height:
+    (t, edge, 3), by (tt, 2^1/2 nt, nn) of edge 0."""
+    x = [np.where(np.sum(free, axis=1, keepdims=True) == 3, ANY[k], corners[:, k]) for k in range(3)]
     e = [x[2] - x[1], x[0] - x[2], x[1] - x[0]]
     L = [np.sqrt(_dot(each, each)) for each in e]
     h = _over(x[1], x[2], x[0])[2]

@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import floor
 
 import numpy as np
 
 from wsim.physics.rods.objects import LEAST, Rods
 from wsim.scene import Motion, Problem, Scene, Surface
-from wsim.scene.check.objects import error, number, warning
+from wsim.scene.check.objects import NEAR, error, number, three_digits, warning
 
-STOUT = 1.0           # diameter over length of an edge from which a strand is no thin rod
+STOUT = 1.0           # length over diameter of an edge below which a strand is no thin rod
 ACROSS = 1e-5         # sine of the angle to its edge below which rounding of float32 says where a director points
 AUTHORED = {"directors": "directors (of curves: normals)", "rest_directors": "rest_directors (of curves: physics:restNormals)",
             "rest_points": "rest_points (of curves: physics:restShapePoints)"}
@@ -125,10 +126,11 @@ def _edges(rods: Rods) -> Iterator[Problem]:
         k = int(np.argmin(length))
         yield error(rods.path, f"points {k} and {k + 1} of a strand are in one place", "edges with a length",
                     "remove the double point")
-    elif (stout := length < STOUT * thick).any():
+    elif (stout := length < STOUT * (1.0 - NEAR) * thick).any():
         k = int(np.argmax(stout))
         yield warning(rods.path, f"{np.count_nonzero(stout)} edges are shorter than they are thick, such as that of point {k}: "
-                      f"{length[k]:.3g} m, {thick[k]:.3g} m thick", "thin rods", "give fewer points, or a smaller diameter")
+                      f"{length[k]:.3g} m, {thick[k]:.3g} m thick", "thin rods", "give fewer points, or a diameter of "
+                      f"at most {three_digits(float(length[stout].min()) / STOUT, floor):.3g} m")
     if (short := rods.counts < LEAST).any():
         yield warning(rods.path, f"{np.count_nonzero(short)} strands have {int(rods.counts.min())} points, and do not bend",
                       f"{LEAST} or more", "give a point more")

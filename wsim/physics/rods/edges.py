@@ -12,7 +12,9 @@ import warp as wp
 from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.tubes import LONG
 from wsim.model.structs import filled
+from wsim.physics.selfcontact.start import crowded, joined
 from wsim.physics.selfcontact.surfaces import TUBE, TUBE_EDGE, ULP, WRITTEN
+from wsim.scene import Problem
 
 if TYPE_CHECKING:
     from wsim.physics.rods.tables import Table
@@ -39,6 +41,7 @@ class Edges:
         self.strand = np.tile(np.arange(m), table.longest).astype(np.int32)
         self.worlds_of = np.repeat([world for _, world in table.pairs], [own.stop - own.start for own in table.own])
         self.world = self.worlds_of[self.strand].astype(np.int32)
+        self.paths = np.repeat([rods.path for rods, _ in table.pairs], [own.stop - own.start for own in table.own])
         reach = table.values["radius"].ravel()
         self.thickness = 2.0 * float(reach[self.points].max(initial=0.0))
         length = table.values["length"].ravel()[first]
@@ -70,6 +73,13 @@ class Edges:
     def start(self, model: Ground) -> np.ndarray:
         """Where all points begin, from the origin of the first strand [m], (points, 3)."""
         return self.table.x.reshape(-1, 3) + (self.table.origin - self.base)[self.strand]
+
+    def told(self) -> list[Problem]:
+        """Warnings about how strands start in the first world. Raises SceneError where too many are in one place."""
+        x, first, reach = self.start(self.ground) + self.base, self.world == 0, self.table.values["radius"].ravel()
+        own, edges, paths = self.points[first[self.points]], self.edges[first[self.edges[:, 0]]], self.paths[self.strand]
+        crowded(x[own], paths[own], "strands", self)
+        return joined(x, edges, paths[edges[:, 0]], reach[edges].mean(axis=1))
 
     def sides(self) -> SimpleNamespace:
         """Mass [kg] and E A / d [N/m] of every point, and its strand."""

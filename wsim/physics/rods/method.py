@@ -98,6 +98,8 @@ class Strands(Method):
             self.stages, self.offers = self.among.stages, {"strands": self.among}
         else:
             self.stages = [self._stage(own, apart)]
+        if touching:
+            self.offers["start"] = self.touching.told
 
     def _met(self, scene: Scene) -> list:
         from wsim.physics.rigid.solids import met_by_strands

@@ -35,6 +35,7 @@ class Touching(Together):
         super().__init__(strands, module, status, device)
         status.reserve(SAID, cut.SAID + 1)
         self.edges = Edges(self.table, self.ground)
+        self.told = self.edges.told()
         self.near = Near(cast(Any, self.ground), cast(Any, self.edges))
         self.guarantee = Guarantee(cast(Any, self.ground), self.near, whole=True)
         self.enlist, self.order, self.recall = touch.lists(module)

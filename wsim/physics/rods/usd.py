@@ -14,6 +14,7 @@ from wsim.physics.rods.objects import Rods
 from wsim.usd import names
 from wsim.usd.attributes import author as write
 from wsim.usd.attributes import read
+from wsim.usd.load_varying import steady
 from wsim.usd.prims.cloth import load_points
 from wsim.usd.prims.fabric import UNAUTHORED, author_friction, bind, bound, is_physical, load_friction
 from wsim.usd.prims.pins import author_pin
@@ -36,6 +37,8 @@ def load_rods(reading: Reading, prim: Usd.Prim, body: Usd.Prim) -> Rods | None:
     if UsdGeom.BasisCurves(prim).GetTypeAttr().Get() != UsdGeom.Tokens.linear:
         reading.fail(path, f"is a {UsdGeom.BasisCurves(prim).GetTypeAttr().Get()} BasisCurves; only type = linear can be "
                      "simulated")
+        return None
+    if not steady(reading, prim, "curveVertexCounts"):
         return None
     points, rest = load_points(reading, prim, "Rods")
     counts = read(prim, "Rods", "counts", units, reading.start)

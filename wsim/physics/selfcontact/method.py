@@ -63,7 +63,7 @@ class SelfContact(Method):
         self.strands = b.methods.find("strands")
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
         self.obstacles = self.surfaces.obstacles
-        self.reports = reports(self.surfaces)
+        start = reports(self.surfaces)
         self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
         turns = within and not b.model.device.is_cuda
         self.near = Near(b.model, self.surfaces, turns)
@@ -89,7 +89,7 @@ class SelfContact(Method):
         self.settle = self._settle()
         self.apart = Apart(self, b, module)
         self.stages.append(self.apart.stage)
-        self.offers = {"clearance": self.apart, "self-contact": self}
+        self.offers = {"clearance": self.apart, "self-contact": self, "start": start}
 
     def _settle(self) -> Settle:
         if self.clock.integrator.beyond:
@@ -270,8 +270,7 @@ class SelfContact(Method):
         moved, taken = said[[cut.MOVED, cut.TAKEN]].astype(np.int32).view(np.float32)
         self.swept, self.taken = self.swept + float(moved) * self.clock.h, self.taken + float(taken)
         self.frames += 1
-        first = self.reports if self.frames == 1 else []
-        found: list[tuple[tuple, float, str]] = [(("self-contact", "start", k), 0.0, text) for k, text in enumerate(first)]
+        found: list[tuple[tuple, float, str]] = []
         if said[cut.CLOSE]:
             found.append((("self-contact", "close"), float(said[cut.CLOSE]), "{worst} pairs of surfaces began a substep "
                           "intersecting or closer than what a file can tell apart; nothing is proven of them"))

@@ -3,13 +3,15 @@ precision of a file cannot hold."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.physics.selfcontact.crossings import crossings
+from wsim.physics.selfcontact.crossings import candidates, crossings, sharing
 from wsim.scene import Problem, SceneError
+from wsim.scene.check.objects import NEAR, three_digits
 
 if TYPE_CHECKING:
     from wsim.model.model import Body
@@ -21,19 +23,20 @@ LITTLE = 64.0 * 2.0 ** -24   # of the size of all surfaces, that those which int
 CROWD = 500            # points within the reach of a pair: 330 are where five layers of a cloth lie, twice as thick as edges
 TANGLE, LOOSE = 4, 1000      # pairs a triangle that may intersect, and besides: each is tested exactly, and stays near
 NAMED = 3              # places that are told
+MET = 1e-3             # of what both keep: strands nearer than that begin in each other, and no side is theirs
 
 
-def reports(surfaces: Surfaces) -> list[str]:
+def reports(surfaces: Surfaces) -> list[Problem]:
     """Warnings about the surfaces of the first world, by prim path, each with what would do. Where surfaces intersect they keep
     little more than rounding apart from here on: points of either side are on both sides of the other, and a thickness would
     push against itself, without end. Raises SceneError where so much is in one place that all of it would be near all else."""
     bodies = [b for b in surfaces.bodies if b.world == 0]
     _crowded(bodies, surfaces)
-    found = [text for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces))]
-    return [*_crossed(bodies, surfaces), *_pierced(bodies, surfaces), *found]
+    found = [(b.path, text) for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces))]
+    return [Problem(path, text, False) for path, text in (*_crossed(bodies, surfaces), *_pierced(bodies, surfaces), *found)]
 
 
-def _pierced(bodies: list[Body], surfaces: Surfaces) -> list[str]:
+def _pierced(bodies: list[Body], surfaces: Surfaces) -> list[tuple[str, str]]:
     """Edges of strands that meet triangles, by the exact test: an edge is a triangle that has one point twice."""
     s, own = surfaces.strands, surfaces.own
     if not s:
@@ -45,25 +48,62 @@ def _pierced(bodies: list[Body], surfaces: Surfaces) -> list[str]:
     found = found[found[:, 1] >= len(edges)] - (0, len(edges))
     where = [f"{s.path(int(edges[i, 0]))} and {next(b.path for b in bodies if triangles[t, 0] < b.last)} at "
              f"({', '.join(f'{v:.4g}' for v in x[edges[i]].mean(axis=0) + surfaces.base)}) m" for i, t in found[:NAMED]]
-    return [f"{len(found)} edges of rods go through triangles where they start, such as {'; '.join(where)}: they stay crossed "
-            "where nothing takes them apart; move them apart there"] if where else []
+    return [(s.path(int(edges[found[0, 0], 0])), f"{len(found)} edges of rods go through triangles where they start, such as "
+             f"{'; '.join(where)}: they stay crossed where nothing takes them apart; move them apart there")] if where else []
 
 
 def _crowded(bodies: list[Body], surfaces: Surfaces) -> None:
     """Raises SceneError where more than CROWD points are within reach of each other."""
-    x = np.concatenate([(b.places + b.origin)[np.unique(b.triangles) - b.first] for b in bodies])
-    near = surfaces.thickness + 2.0 * surfaces.beta
+    each = [np.unique(b.triangles) - b.first for b in bodies]
+    x = np.concatenate([(b.places + b.origin)[own] for b, own in zip(bodies, each, strict=True)])
+    crowded(x, np.repeat([b.path for b in bodies], [len(own) for own in each]), "surfaces", surfaces)
+
+
+def crowded(x: np.ndarray, paths: np.ndarray, what: str, tables: Any) -> None:
+    """Raises SceneError where more than CROWD of points x (n, 3) [m] of prims (n,) are within reach of each other, by what is
+    in their tables."""
+    near = tables.thickness + 2.0 * tables.beta
     if not len(x) or _fullest(x, near)[0] <= CROWD / 8:                # a cube of that size is in eight cells at most
         return
     steps = 0.5 * np.stack(np.meshgrid(*[(0.0, 1.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     count, first = max((_fullest(x + near * step, near) for step in steps), key=lambda found: found[0])
     if count > CROWD:
-        of = np.searchsorted(np.cumsum([len(np.unique(b.triangles)) for b in bodies]), first, side="right")
         where = ", ".join(f"{v:.4g}" for v in x[first])
-        raise SceneError(Problem(bodies[of].path, f"{count} points of surfaces that touch are within {near:.3g} m of each other"
+        raise SceneError(Problem(str(paths[first]), f"{count} points of {what} that touch are within {near:.3g} m of each other"
                                  f" at ({where}) m; expected: {CROWD} at most, as each is near all others; move them apart, "
-                                 f"weld them, give less thickness (now {surfaces.thickness:.3g} m), or leave "
+                                 f"weld them, give less thickness (now {tables.thickness:.3g} m), or leave "
                                  "wsim:selfCollision out"))
+
+
+def joined(x: np.ndarray, edges: np.ndarray, paths: np.ndarray, keep: np.ndarray) -> list[Problem]:
+    """Warning of edges (e, 2) of strands whose centre lines meet: nearer than MET of what both keep (e,) [m]. x: places [m];
+    paths (e,)."""
+    ends = x[edges]
+    pairs = candidates(ends.min(axis=1), ends.max(axis=1))
+    pairs = pairs[~sharing(edges, pairs)]
+    a, b = ends[pairs[:, 0]], ends[pairs[:, 1]]
+    pairs = pairs[apart(a, b) < MET * keep[pairs].sum(axis=1)]
+    if not len(pairs):
+        return []
+    where = [f"{paths[i]} and {paths[j]} at ({', '.join(f'{v:.4g}' for v in ends[[i, j]].mean(axis=(0, 1)))}) m"
+             for i, j in pairs[:NAMED]]
+    return [Problem(str(paths[pairs[0, 0]]), f"{len(pairs)} pairs of edges of strands meet where they start, such as "
+                    f"{'; '.join(where)}: which is on which side is arbitrary; move them apart there", False)]
+
+
+def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Distances [m] of segments a and b, (k, 2, 3): least of those of ends and, where they face each other, of the lines."""
+    u, v, r = a[:, 1] - a[:, 0], b[:, 1] - b[:, 0], b[:, 0] - a[:, 0]
+    uu, uv, vv, ru, rv = ((p * q).sum(axis=1) for p, q in ((u, u), (u, v), (v, v), (r, u), (r, v)))
+    tiny, det = np.finfo(np.float64).tiny, uu * vv - uv * uv
+    across = det > 1e-12 * uu * vv
+    s, t = (np.where(across, p, -1.0) / np.where(across, det, 1.0) for p in (ru * vv - rv * uv, ru * uv - rv * uu))
+    found = np.where((np.abs(s - 0.5) <= 0.5) & (np.abs(t - 0.5) <= 0.5),
+                     np.linalg.norm(r + t[:, None] * v - s[:, None] * u, axis=1), np.inf)
+    for p, q, w, ww in ((a[:, 0], b, v, vv), (a[:, 1], b, v, vv), (b[:, 0], a, u, uu), (b[:, 1], a, u, uu)):
+        f = np.clip(((p - q[:, 0]) * w).sum(axis=1) / np.maximum(ww, tiny), 0.0, 1.0)
+        found = np.minimum(found, np.linalg.norm(q[:, 0] + f[:, None] * w - p, axis=1))
+    return found
 
 
 def _fullest(x: np.ndarray, size: float) -> tuple[int, int]:
@@ -73,7 +113,7 @@ def _fullest(x: np.ndarray, size: float) -> tuple[int, int]:
     return int(count.max()), int(first[count.argmax()])
 
 
-def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[str]:
+def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[tuple[str, str]]:
     """Triangles without a common point that intersect, by the exact test; not those of two colliders."""
     first = np.cumsum([0, *(b.count for b in bodies)])
     x = np.concatenate([b.places + (b.origin - bodies[0].origin) for b in bodies])
@@ -96,29 +136,40 @@ def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[str]:
                                  f"triangles intersect, such as {where[0]}; expected: none, {TANGLE} a triangle and {LOOSE} at "
                                  "most; move them apart, or leave wsim:selfCollision out"))
     surfaces.flatten(crossed, LITTLE * float(np.ptp(x, axis=0).max()))
-    return [f"{len(found)} pairs of triangles intersect where surfaces start, such as {'; '.join(where)}: they keep no "
-            "thickness there, and stay crossed where nothing takes them apart; move them apart there"]
+    return [(names[of[found[0, 0]]], f"{len(found)} pairs of triangles intersect where surfaces start, such as "
+             f"{'; '.join(where)}: they keep no thickness there, and stay crossed where nothing takes them apart; move them "
+             "apart there")]
 
 
 def _thick(body: Body, surfaces: Surfaces) -> list[str]:
-    """A thickness beyond THICK of the shortest edge."""
-    ends = body.rest[topology.edges(body.triangles) - body.first]
-    least = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
-    own = 2.0 * float(surfaces.reach[body.first:body.last].max())
-    if own <= THICK * least:
+    """A thickness beyond THICK of the shortest edge, with the largest that is not, if a file holds it."""
+    edges = topology.edges(body.triangles)
+    length = np.linalg.norm(np.diff(body.rest[edges - body.first], axis=1)[:, 0], axis=1)
+    k = int(np.argmin(length))
+    own, most, least = 2.0 * float(surfaces.reach[body.first:body.last].max()), THICK * float(length[k]), _least(body)
+    if own <= (1.0 + 2.0 * NEAR) * most:
         return []
-    return [f"{body.path}: its thickness is {own:.3g} m, and its shortest edge {least:.3g} m: contacts of neighbours keep "
-            f"less; give at most {THICK * least:.3g} m, or longer edges"]
+    ends = " and ".join(f"({', '.join(f'{v:.4g}' for v in x)})" for x in body.places[edges[k] - body.first] + body.origin)
+    authored, fits = bool((body.reach > 0.0).any()), three_digits(most, math.floor) >= three_digits(least, math.ceil)
+    mend = ["longer edges"] if length[k] > 0.0 else ["merge the two points"]
+    if authored and fits:
+        mend.insert(0, f"at most {three_digits(most, math.floor):.3g} m")
+    return [f"its thickness is {own:.3g} m{'' if authored else ', a tenth of its mean edge'}, and its shortest edge "
+            f"{length[k]:.3g} m, from {ends} m: contacts of neighbours keep less; give {', or '.join(mend)}"
+            f"{'' if fits else ' (files hold no thickness that is less)'}"]
+
+
+def _least(body: Body) -> float:
+    """STEPS units of rounding of float32 in the frame of the body's prim [m]."""
+    largest = np.abs(np.asarray(body.source.points, np.float64)).max(initial=0.0)
+    return STEPS * float(np.spacing(np.float32(largest))) * float(np.linalg.norm(body.source.motion.at(0.0)[:3, :3], 2))
 
 
 def _far(body: Body, surfaces: Surfaces) -> list[str]:
-    """A thickness of less than STEPS units of rounding of float32 in the frame of its prim."""
-    local = np.asarray(body.source.points, np.float64)
-    stretch = np.linalg.norm(body.source.motion.at(0.0)[:3, :3], 2)
-    step = float(np.spacing(np.float32(np.abs(local).max(initial=0.0)))) * stretch
-    own = 2.0 * float(surfaces.reach[body.first:body.last].max())
-    if own >= STEPS * step:
+    """A thickness of less than files hold."""
+    own, least = 2.0 * float(surfaces.reach[body.first:body.last].max()), _least(body)
+    if own >= least:
         return []
-    return [f"{body.path}: its thickness is {own:.3g} m, and results round its points to {step:.3g} m, "
-            f"{np.abs(local).max():.3g} from the origin of its prim; give {STEPS * step:.3g} m or more, or move the "
-            "origin to the cloth"]
+    return [f"its thickness is {own:.3g} m, and results round its points to {least / STEPS:.3g} m, "
+            f"{np.abs(body.source.points).max():.3g} from the origin of its prim; give {three_digits(least, math.ceil):.3g} m "
+            "or more, or move the origin to the cloth"]

@@ -3,9 +3,9 @@
 Each rule yields Problems in one form: what was found, what is allowed (or expected, for a warning) and the mend.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields
-from math import inf, isfinite
+from math import floor, inf, isfinite, log10
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ FAR = 1e5                   # [m] from the own origin: float32 resolves 8 mm the
 LARGE, SMALL = 30.0, 1e-3   # [m] a cloth beyond these is in the wrong unit more often than not
 ROUNDED = 1e-5              # rounding of the points against the size of the cloth; a warning above
 LIGHTEST = 1e-30            # [kg] inverse masses, times a stiffness, must stay below float32's 3e38
+NEAR = 1e-6                 # of a size: what float32 and decimals round
 RIGID = 1e-4                # departure of M^T M from the identity that transforms kept as float32 reach
 
 
@@ -31,6 +32,13 @@ def error(path: str, found: str, allowed: str, mend: str) -> Problem:
 
 def warning(path: str, found: str, expected: str, mend: str) -> Problem:
     return Problem(path, f"{found}; expected: {expected}; mend: {mend}", False)
+
+
+def three_digits(value: float, whole: Callable[[float], int]) -> float:
+    """A value > 0 of three digits, as a message has it: the next below by math.floor, above by math.ceil."""
+    unit = 10.0 ** (floor(log10(value)) - 2) if value > 0.0 else 1.0
+    near = round(value / unit)
+    return unit * (near if abs(near * unit - value) < NEAR * value else whole(value / unit))
 
 
 def number(path: str, name: str, value: float, low: float, strict: bool = False, mend: str = "") -> Iterator[Problem]:
