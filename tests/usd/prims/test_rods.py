@@ -84,6 +84,13 @@ def test_thousands_of_strands_in_one_place_are_refused_with_their_number_and_pla
         Simulation(strands(1000, 0.0), device="cpu")
 
 
+def test_strands_that_are_one_many_times_are_refused():
+    """Fewer than are near all others; 17700 pairs of 240 edges."""
+    with pytest.raises(SceneError, match="/strands: its strands are a tangle .* 17700 pairs of edges meet, such as /str"):
+        Simulation(strands(60, 0.0), device="cpu")
+    assert [w for w in Simulation(strands(8, 0.0), device="cpu").warnings if "280 pairs of edges of strands meet" in w]
+
+
 def test_strands_that_begin_in_each_other_are_told_with_the_place():
     scene = strands(2, 0.02)
     x = scene.things("Rods")[0].points

@@ -77,7 +77,7 @@ def crowded(x: np.ndarray, paths: np.ndarray, what: str, tables: Any) -> None:
 
 def joined(x: np.ndarray, edges: np.ndarray, paths: np.ndarray, keep: np.ndarray) -> list[Problem]:
     """Warning of edges (e, 2) of strands whose centre lines meet: nearer than MET of what both keep (e,) [m]. x: places [m];
-    paths (e,)."""
+    paths (e,). Raises SceneError where so many do that solutions do not end: a frame of 30 strands in one took minutes."""
     ends = x[edges]
     pairs = candidates(ends.min(axis=1), ends.max(axis=1))
     pairs = pairs[~sharing(edges, pairs)]
@@ -87,6 +87,10 @@ def joined(x: np.ndarray, edges: np.ndarray, paths: np.ndarray, keep: np.ndarray
         return []
     where = [f"{paths[i]} and {paths[j]} at ({', '.join(f'{v:.4g}' for v in ends[[i, j]].mean(axis=(0, 1)))}) m"
              for i, j in pairs[:NAMED]]
+    if len(pairs) > (most := TANGLE * len(edges) + LOOSE):
+        raise SceneError(Problem(str(paths[pairs[0, 0]]), f"its strands are a tangle where they start: {len(pairs)} pairs of "
+                                 f"edges meet, such as {where[0]}; expected: none, {most} at most; move them apart, or leave "
+                                 "wsim:selfCollision out"))
     return [Problem(str(paths[pairs[0, 0]]), f"{len(pairs)} pairs of edges of strands meet where they start, such as "
                     f"{'; '.join(where)}: which is on which side is arbitrary; move them apart there", False)]
 
