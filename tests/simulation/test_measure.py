@@ -186,3 +186,16 @@ def test_methods_do_not_write_over_indicators_of_each_other():
     names, told = [name for some in each for name in some], sim.indicators()
     assert len(names) == len(set(names)) and {"contacts", "surface_contacts", "rigid_overlap"} <= set(names)
     assert told["contacts"] == 49 and told["surface_contacts"] > 20
+
+
+def test_counts_of_a_warning_are_told_with_all_their_digits():
+    """1234 pairs were 1.23e+03 of them; what is no count keeps three digits."""
+    from types import SimpleNamespace
+
+    from wsim.simulation.measure.exceeded import _add
+    sim = SimpleNamespace(notes={}, warnings=[], frame=1)
+    for frame, value in ((1, 12.0), (2, 1234.0), (3, 7.0)):
+        sim.frame = frame
+        _add(sim, ("pairs",), value, "{worst} pairs")
+    _add(sim, ("strain",), 2.38461, "{worst} times as long")
+    assert sim.warnings == ["frame 1 and 2 later, worst in frame 2: 1234 pairs", "frame 3: 2.38 times as long"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.make.usda import Reader, errors
+from wsim.cli.inventory import inventory
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.start import apart
 from wsim.scene import Scene, SceneError
@@ -111,3 +112,12 @@ def test_distances_of_segments_are_those_of_a_dense_grid():
     least = np.linalg.norm(p[:, :, None] - q[:, None], axis=-1).min(axis=(1, 2))
     found = apart(a, b)
     assert (found <= least + 1e-12).all() and (least - found).max() < 0.05
+
+
+@pytest.mark.parametrize("prims, said", [(1, "1 rod prim; "), (2, "2 rod prims; ")])
+def test_prims_of_rods_are_counted_as_such(prims, said):
+    """They were 1 rods and 2 rodss."""
+    scene = strands(2, 0.1)
+    for k in range(1, prims):
+        scene.add(Rods(f"/more{k}", STRAIGHT, [4]))
+    assert inventory(scene).startswith(said)

@@ -17,6 +17,7 @@ EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are t
 OTHERS = "nothing holds it to its material there; give more substeps or iterations, or slower motion"
 BEHIND = "tethers and strain limits are projected behind its steps, which undo a part of it; solver xpbd takes both together"
 CAP = 1e9              # percent: no more is told, see kernels/cloth/spring.py and kernels/solver/line_search.py
+MANY = 1e6             # below which what is whole is a count, and told with all its digits
 NOTHING = "1 is as if nothing had been solved; give more substeps or iterations, or less stiffness"
 
 
@@ -65,7 +66,8 @@ def _add(sim, key: tuple, value: float, text: str) -> None:
         if value > found.worst:
             found.worst, found.frame = value, sim.frame
     frames = f"frame {found.first}" + (f" and {found.count - 1} later, worst in frame {found.frame}" if found.count > 1 else "")
-    worst = f"{found.worst:.3g}" + " or more" * (found.worst >= 0.01 * CAP)
+    count = found.worst < MANY and found.worst == round(found.worst)
+    worst = (f"{found.worst:.0f}" if count else f"{found.worst:.3g}") + " or more" * (found.worst >= 0.01 * CAP)
     sim.warnings[found.place] = f"{frames}: {text.format(worst=worst)}"
 
 
