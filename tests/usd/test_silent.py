@@ -189,6 +189,15 @@ def test_a_closed_curve_is_said_to_be_springs_and_why(read):
             "BasisCurves with open ends; author wrap = nonperiodic for these") in said
 
 
+# Meshes --------------------------------------------------------------------------------------------------------------
+
+def test_faces_that_are_holes_to_see_are_said_to_be_simulated(read):
+    """A neck that was closed by one said nothing. Exporters author none of them."""
+    assert ("/cloth: holeIndices are only seen: 1 faces, such as 1, are simulated; take faces where the cloth has a hole out "
+            "of faceVertexCounts") in notes(read(cloth("int[] holeIndices = [1]")))
+    assert "holeIndices" not in notes(read(cloth("int[] holeIndices = []")))
+
+
 # Names that nobody reads ---------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(("text", "said"), [
