@@ -47,8 +47,8 @@ def load_cloth(reading: Reading, mesh: Usd.Prim, body: Usd.Prim) -> Cloth | None
         if mesh.HasAttribute(name) and mesh.GetAttribute(name).HasAuthoredValue():
             reading.warn(path, f"{name} is not read: {counts_instead}")
     if holes := UsdGeom.Mesh(mesh).GetHoleIndicesAttr().Get(reading.start):
-        reading.warn(path, f"holeIndices are only seen: {len(holes)} faces, such as {holes[0]}, are simulated; take faces where "
-                     "the cloth has a hole out of faceVertexCounts and faceVertexIndices")
+        reading.warn(path, f"holeIndices are only seen: {len(holes)} faces, such as {holes[0]}, are simulated; take faces "
+                     "where the cloth has a hole out of faceVertexCounts and faceVertexIndices")
     cloth = Cloth(path, points, counts, indices, motion=placement(reading, mesh).motion,
                   velocities=read(mesh, "Cloth", "velocities", units, reading.start),
                   rest_points=_rest(reading, mesh, rest), flat=_flat(reading, mesh))
