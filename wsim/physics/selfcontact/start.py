@@ -33,7 +33,7 @@ def reports(model: Model, surfaces: Surfaces) -> list[str]:
     return [*_crossed(model, surfaces), *_pierced(model, surfaces), *found]
 
 
-def _first(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def _first(surfaces: Surfaces) -> tuple[np.ndarray, int, list[str]]:
     """Triangles of the first world, (t, 3), those of bodies first, which have points that they share in one of them; how many
     are bodies'; and the path of what each is of."""
     o, own, free = surfaces.obstacles, surfaces.own["triangles"], surfaces.free["triangles"]
