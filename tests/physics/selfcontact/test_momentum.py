@@ -137,3 +137,16 @@ def test_what_is_tied_keeps_its_momentum_beside_what_strikes_it(solver):
     from steps that were not solved to the end. A cloth that is pinned, and shares nothing, holds none of them."""
     sim = kept(tied(**solver), 6)
     assert not [w for w in sim.warnings if "intersect" in w] and sim.velocities("/above")[:, 1].min() < -1.0
+
+
+@pytest.mark.parametrize("solver", first_and_slow(solvers("xpbd", "newton")))
+def test_a_world_of_sheets_and_the_body_that_strikes_them_ends_as_one_alone(solver):
+    """To the bit: the bodies of other worlds, which it never meets, had counted among those that a body meets, and gave it more
+    rounds."""
+    alone, many = run(struck(**solver)), run(struck(**solver), worlds=2)
+    for sim in (alone, many):
+        sim.run(3)
+    for cloth in alone.model.scene.cloths:
+        for world in (0, 1):
+            assert np.array_equal(alone.positions(cloth.path), many.positions(cloth.path, world))
+    assert alone.velocities("/layer0")[:, 1].min() < -1.0

@@ -48,7 +48,7 @@ class Touch(Substeps):
                        for world in range(b.model.worlds)}
         bouncing = any(c.restitution > 0.0 for *_, c in self.owners)
         self.memory = b.clock.integrator.memory > 0.0
-        self.rises, self.alone = bouncing or self.memory, len(self.owners) == 1 and not b.scene.colliders
+        self.rises, self.alone = bouncing or self.memory, len(self.copies[0]) == 1 and not b.scene.colliders
         self.rounds = 1 if self.alone else max(1, ceil(ROUNDS / b.clock.iterations))
         self.lanes, module = 1, b.model.module
         if b.model.device.is_cuda:                       # blocks of another size stand in a module of their own
