@@ -160,6 +160,13 @@ class Contact(Method):
         if clock.integrator.memory:
             self.contacts.settle(clock.g, s.e, s.d, self.anchor, s.v, self.movers.others() if self.movers else None)
 
+    def behind(self, clock: Clock) -> None:
+        """Velocities behind the sweeps of surfaces, where these come last: what colliders throw back, and what bodies give."""
+        if self.bounce and self.bounce.behind(clock):
+            self.bounce.launch(clock)
+        if self.movers:
+            self.movers.behind(clock)
+
     def enter(self, clock: Clock) -> None:
         if self.clearance:
             self.clearance.enter(clock)

@@ -63,7 +63,7 @@ class SelfContact(Method):
         self.strands = b.methods.find("strands")
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
         self.obstacles = self.surfaces.obstacles
-        start = reports(self.surfaces)
+        start = reports(b.model, self.surfaces)
         self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
         turns = within and not b.model.device.is_cuda
         self.near = Near(b.model, self.surfaces, turns)
@@ -151,8 +151,8 @@ class SelfContact(Method):
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.look(clock, 1))
             wp.capture_while(self.near.word(pairs.NEARER), lambda: self.more(clock))
         if last:
-            if self.bounce and self.bounce.behind(clock):
-                self.bounce.launch(clock)
+            if self.contact:
+                self.contact.behind(clock)
             self.settle.gather(clock)
 
     @property

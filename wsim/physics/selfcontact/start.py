@@ -14,7 +14,7 @@ from wsim.scene import Problem, SceneError
 from wsim.scene.check.objects import NEAR, three_digits
 
 if TYPE_CHECKING:
-    from wsim.model.model import Body
+    from wsim.model.model import Body, Model
     from wsim.physics.selfcontact.surfaces import Surfaces
 
 THICK = 0.4            # thickness over the shortest edge from which neighbours on a flat cloth would be in contact
@@ -26,27 +26,40 @@ NAMED = 3              # places that are told
 MET = 1e-3             # of what both keep: strands nearer than that begin in each other, and no side is theirs
 
 
-def reports(surfaces: Surfaces) -> list[Problem]:
+def reports(model: Model, surfaces: Surfaces) -> list[Problem]:
     """Warnings about the surfaces of the first world, by prim path, each with what would do. Where surfaces intersect they keep
     little more than rounding apart from here on: points of either side are on both sides of the other, and a thickness would
     push against itself, without end. Raises SceneError where so much is in one place that all of it would be near all else."""
     bodies = [b for b in surfaces.bodies if b.world == 0]
     _crowded(bodies, surfaces)
     found = [(b.path, text) for b in bodies for text in (*_thick(b, surfaces), *_far(b, surfaces))]
-    return [Problem(path, text, False) for path, text in (*_crossed(bodies, surfaces), *_pierced(bodies, surfaces), *found)]
+    return [Problem(path, text, False) for path, text in (*_crossed(model, surfaces), *_pierced(model, surfaces), *found)]
 
 
-def _pierced(bodies: list[Body], surfaces: Surfaces) -> list[tuple[str, str]]:
+def _first(surfaces: Surfaces) -> tuple[np.ndarray, int, list[str]]:
+    """Triangles of the first world, (t, 3), those of bodies first, which have points that they share in one of them; how many
+    are bodies'; and the path of what each is of."""
+    o, own, free = surfaces.obstacles, surfaces.own["triangles"], surfaces.free["triangles"]
+    triangles = np.concatenate([surfaces.triangles[:own], surfaces.triangles[free:]])
+    names = [b.path for b in surfaces.bodies for _ in b.triangles]
+    if o:
+        each = [(o.contacts.rows.colliders[e.number].path, len(o.places[id(e)]) * len(e.triangles)) for e in o.each]
+        names += [path for path, count in each for _ in range(count)]
+    here = surfaces.world[triangles[:, 0]] == 0
+    return triangles[here], int(here[:own].sum()), [name for name, one in zip(names, here, strict=True) if one]
+
+
+def _pierced(model: Model, surfaces: Surfaces) -> list[tuple[str, str]]:
     """Edges of strands that meet triangles, by the exact test: an edge is a triangle that has one point twice."""
-    s, own = surfaces.strands, surfaces.own
+    s = surfaces.strands
     if not s:
         return []
-    edges, triangles = surfaces.edges[own["edges"]:surfaces.free["edges"]], surfaces.triangles[:own["triangles"]]
-    edges, triangles = (each[surfaces.world[each[:, 0]] == 0] for each in (edges, triangles))
-    x = surfaces.start(s.model)
+    edges = surfaces.edges[surfaces.own["edges"]:surfaces.free["edges"]]
+    edges, (triangles, own, names) = edges[surfaces.world[edges[:, 0]] == 0], _first(surfaces)
+    x, triangles = surfaces.start(model), triangles[:own]
     found = crossings(x, np.concatenate([edges[:, [0, 1, 1]], triangles]), neighbours=False, own=len(edges))
     found = found[found[:, 1] >= len(edges)] - (0, len(edges))
-    where = [f"{s.path(int(edges[i, 0]))} and {next(b.path for b in bodies if triangles[t, 0] < b.last)} at "
+    where = [f"{s.path(int(edges[i, 0]))} and {names[t]} at "
              f"({', '.join(f'{v:.4g}' for v in x[edges[i]].mean(axis=0) + surfaces.base)}) m" for i, t in found[:NAMED]]
     return [(s.path(int(edges[found[0, 0], 0])), f"{len(found)} edges of rods go through triangles where they start, such as "
              f"{'; '.join(where)}: they stay crossed where nothing takes them apart; move them apart there")] if where else []
@@ -117,32 +130,23 @@ def _fullest(x: np.ndarray, size: float) -> tuple[int, int]:
     return int(count.max()), int(first[count.argmax()])
 
 
-def _crossed(bodies: list[Body], surfaces: Surfaces) -> list[tuple[str, str]]:
+def _crossed(model: Model, surfaces: Surfaces) -> list[tuple[str, str]]:
     """Triangles without a common point that intersect, by the exact test; not those of two colliders."""
-    first = np.cumsum([0, *(b.count for b in bodies)])
-    x = np.concatenate([b.places + (b.origin - bodies[0].origin) for b in bodies])
-    triangles = np.concatenate([b.triangles - b.first + start for b, start in zip(bodies, first, strict=False)])
-    own, names, o = len(triangles), [b.path for b in bodies], surfaces.obstacles
-    if o:
-        first, world = np.append(first, first[-1] + np.cumsum([len(e.own) for e in o.each])), o.world == 0
-        triangles = np.concatenate([triangles, *(e.triangles + s for e, s in zip(o.each, first[len(bodies):], strict=False))])
-        x, names = np.concatenate([x, o.start()[world]]), [*names, *(o.contacts.rows.colliders[e.number].path for e in o.each)]
+    (triangles, own, names), x = _first(surfaces), surfaces.start(model)
     most = TANGLE * len(triangles) + LOOSE
     found = crossings(x, triangles, neighbours=False, own=own, most=most)
     if not len(found):
         return []
-    crossed = np.concatenate([b.triangles for b in bodies])[np.unique(found[found < own])]
-    of = np.searchsorted(first, triangles[:, 0], side="right") - 1
-    where = [f"{names[of[s]]} and {names[of[t]]} at ({', '.join(f'{v:.4g}' for v in place)}) m"
-             for s, t in found[:NAMED] for place in [x[triangles[[s, t]]].mean(axis=(0, 1)) + bodies[0].origin]]
+    where = [f"{names[s]} and {names[t]} at ({', '.join(f'{v:.4g}' for v in place)}) m"
+             for s, t in found[:NAMED] for place in [x[triangles[[s, t]]].mean(axis=(0, 1)) + surfaces.base]]
     if len(found) > most:
-        raise SceneError(Problem(names[of[found[0, 0]]], f"its surface is a tangle where it starts: more than {most} pairs of "
+        raise SceneError(Problem(names[found[0, 0]], f"its surface is a tangle where it starts: more than {most} pairs of "
                                  f"triangles intersect, such as {where[0]}; expected: none, {TANGLE} a triangle and {LOOSE} at "
                                  "most; move them apart, or leave wsim:selfCollision out"))
-    surfaces.flatten(crossed, LITTLE * float(np.ptp(x, axis=0).max()))
-    return [(names[of[found[0, 0]]], f"{len(found)} pairs of triangles intersect where surfaces start, such as "
-             f"{'; '.join(where)}: they keep no thickness there, and stay crossed where nothing takes them apart; move them "
-             "apart there")]
+    size = float(np.ptp(x[triangles.ravel()], axis=0).max())
+    surfaces.flatten(model, triangles[np.unique(found[found < own])], LITTLE * size)
+    return [(names[found[0, 0]], f"{len(found)} pairs of triangles intersect where surfaces start, such as {'; '.join(where)}: "
+             "they keep no thickness there, and stay crossed where nothing takes them apart; move them apart there")]
 
 
 def _thick(body: Body, surfaces: Surfaces) -> list[str]:

@@ -132,6 +132,7 @@ class Surfaces:
             ends = b.rest[topology.edges(b.triangles) - b.first]
             lengths.append(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
             reach[b.first:b.last] = np.where(b.reach > 0.0, b.reach, 0.5 * SOFT * lengths[-1].mean())
+        np.maximum.at(reach, model.shared(model.gone), reach[model.gone])      # of a body, perhaps, that is not among these
         return reach, float(np.concatenate(lengths).mean())
 
     def _columns(self, model: Model) -> dict[str, np.ndarray]:
@@ -170,14 +171,11 @@ class Surfaces:
             ulp=ULP[model.dtype], **{name: model.upload(values.astype(model.dtype), dtypes[name])
                                      for name, values in self._columns(model).items()})
 
-    def flatten(self, crossed: np.ndarray, reach: float) -> None:
+    def flatten(self, model: Model, crossed: np.ndarray, reach: float) -> None:
         """Triangles of the first world, (k, 3), and all around them, get a half thickness [m], in every world."""
-        first = {b.path: b.first for b in self.bodies if b.world == 0}
         near = self.triangles[:self.free["triangles"]]
         lost = np.unique(near[np.isin(near, crossed).any(axis=1)])
-        for b in self.bodies:
-            own = lost[(lost >= first[b.path]) & (lost < first[b.path] + b.count)]
-            self.reach[own - first[b.path] + b.first] = reach
+        self.reach[lost + np.arange(model.worlds)[:, None] * (model.points // model.worlds)] = reach
         self.data.reach.assign(self.reach.astype(self.data.reach.numpy().dtype))
 
     def start(self, model: Model) -> np.ndarray:

@@ -88,11 +88,10 @@ class Implicit(Method):
         self.behind = bool(others.every("batches"))
         if muscles := others.find("muscles"):
             self.present = muscles.present
-        w, starts = self.assembly.rows.w.numpy(), self.assembly.system.starts
-        free = [int(not others.find("contacts") and w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
-        if any(free):
-            from wsim.physics.solver.rigid_translation import Momentum
-            self.terms.append(Momentum(self.assembly, self.line.lanes, free))
+        if not others.find("contacts"):
+            from wsim.physics.solver.rigid_translation import momentum
+            if (term := momentum(self.assembly, self.line.lanes)):
+                self.terms.append(term)
 
     def iterate(self, clock: Clock) -> None:
         """A Newton step; all of them where tethers or limits are projected behind them; of recorded gradients to a residual."""

@@ -5,28 +5,62 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.solver import rigid_translation as kernels
+from wsim.model.model import Model
 from wsim.physics.solver.assembly import Assembly, Term
 
 
-class Momentum(Term):
-    """The momentum of translation that a Newton step lacks."""
+def groups(model: Model) -> np.ndarray:
+    """Number of the group of each body, (bodies,), ascending by the first of each: bodies that share points are one."""
+    of = np.arange(len(model.bodies))
+    number = np.repeat(of, [b.count for b in model.bodies])
+    pairs = np.stack([number[model.gone], number[model.shared(model.gone)]], axis=1)
+    for a, b in np.unique(pairs, axis=0):
+        one, other = sorted((of[a], of[b]))
+        of[of == other] = one
+    return np.unique(of, return_inverse=True)[1]
 
-    def __init__(self, assembly: Assembly, lanes: int, free: list[int]):
-        """lanes: threads that sum over a system; free: 1 for each system that nothing holds."""
+
+def free(assembly: Assembly, group: np.ndarray) -> np.ndarray:
+    """1 for each group of bodies no point of which is held, else 0; points that nothing is made of, or that another stands for,
+    have no mass and count for neither."""
+    w, found = assembly.rows.w.numpy(), np.ones(group.max(initial=-1) + 1, np.int32)
+    for body, k in zip(assembly.model.bodies, group, strict=True):
+        moved = np.setdiff1d(np.arange(body.first, body.last), body.idle)
+        found[k] &= int(w[moved].all())
+    return found
+
+
+def momentum(assembly: Assembly, lanes: int) -> "Momentum | None":
+    """The term of a system; None where all bodies are held. lanes: threads that sum over a body."""
+    group = groups(assembly.model)
+    loose = free(assembly, group)
+    return Momentum(assembly, lanes, group, loose) if loose.any() else None
+
+
+class Momentum(Term):
+    """The momentum of translation that a Newton step lacks, of each group of bodies by itself."""
+
+    def __init__(self, assembly: Assembly, lanes: int, group: np.ndarray, free: np.ndarray):
+        """group: of each body, (bodies,); free: 1 for each group that nothing holds."""
         self.assembly, self.lanes, model = assembly, lanes, assembly.model
         self.amount, self.mean = kernels.amount(model.real, model.module), kernels.mean(model.real, model.sweep_module)
-        self.translate, self.free = kernels.translate(model.real, model.module), model.upload(np.array(free, np.int32), int)
-        self.part = wp.zeros(len(free) * lanes, dtype=wp.vec4d, device=model.device)
+        self.translate, self.free = kernels.translate(model.real, model.module), model.upload(free, int)
+        order, counts = np.argsort(group, kind="stable"), [b.count for b in model.bodies]
+        spans = np.array([(model.bodies[k].first, model.bodies[k].last) for k in order], np.int32)
+        self.spans = model.upload(spans, wp.vec2i)                    # those of a group in a row
+        self.first = model.upload(np.searchsorted(group[order], np.arange(len(free) + 1)).astype(np.int32), int)
+        self.of = model.upload(np.repeat(group, counts).astype(np.int32), int)
+        self.part = wp.zeros(len(group) * lanes, dtype=wp.vec4d, device=model.device)
         self.shift = wp.zeros(len(free), dtype=wp.vec3d, device=model.device)
 
     def carry(self) -> None:
         """Adds it to y."""
-        m, y = self.assembly, self.assembly.v.y
-        self.shift_by(y)
-        m.model.launch(self.translate, m.model.points, [m.system.of, self.shift, y], [y])
+        y = self.assembly.v.y
+        self.add(y, y)
 
-    def shift_by(self, y: wp.array) -> None:
-        """The translations that a step y lacks."""
-        m = self.assembly
-        m.model.launch(self.amount, self.part.size, [m.system.first, self.lanes, m.A, m.state.d, m.b, y], [self.part])
-        m.system.launch(self.mean, [self.lanes, self.free, self.part], [self.shift])
+    def add(self, y: wp.array, to: wp.array) -> None:
+        """Adds the translations that a step y lacks to displacements of all points, `to`."""
+        own, m = self.assembly, self.assembly.model
+        m.launch(self.amount, self.part.size, [self.spans, self.lanes, own.A, own.state.d, own.b, y], [self.part])
+        own.system.launch(self.mean, [self.first, self.lanes, self.free, self.part], [self.shift], self.shift.size)
+        m.launch(self.translate, m.points, [self.of, self.shift, to], [to])

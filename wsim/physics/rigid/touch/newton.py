@@ -6,7 +6,7 @@ from wsim.kernels.rigid.touch import lean
 from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field
 from wsim.physics.solver.assembly import Term
-from wsim.physics.solver.rigid_translation import Momentum
+from wsim.physics.solver.rigid_translation import momentum
 
 KEPT = (Field("J", "N s", True, "impulse that points had of a body in the last substep (Newton's method)"),
         Field("T", "N m s", True, "its moment"))
@@ -28,9 +28,7 @@ class Foreseen(Term):
         self.kernels = {f.__name__: f(model.real, model.module) for f in own}
         self.V, self.missed = wp.zeros_like(touch.V), wp.zeros_like(touch.left)
         self.P, self.y = wp.zeros_like(assembly.A.P), wp.zeros_like(assembly.f)
-        w, starts = assembly.rows.w.numpy(), assembly.system.starts
-        free = [int(w[i:j].all()) for i, j in zip(starts[:-1], starts[1:], strict=True)]
-        self.momentum = Momentum(assembly, lanes, free) if any(free) else None
+        self.momentum = momentum(assembly, lanes)
 
     def run(self, name: str, dim: int, inputs: list, outputs: list) -> None:
         self.touch.model.launch(self.kernels[name], dim, inputs, outputs)
@@ -80,11 +78,9 @@ class Foreseen(Term):
         """Balances momentum, behind the last contacts: what nothing outside holds has the momentum that its pushes say,
         whatever is not solved."""
         if self.momentum:
-            touch, d = self.touch, self.assembly.state.d
+            touch = self.touch
             self.run("given", touch.model.points, [touch.contacts.slots, touch.points(clock), self.assembly.A.own], [self.y])
-            self.momentum.shift_by(self.y)
-            touch.model.launch(self.momentum.translate, touch.model.points,
-                               [self.assembly.system.of, self.momentum.shift, d], [d])
+            self.momentum.add(self.y, self.assembly.state.d)
 
     def keep(self) -> None:
         kept = self.touch.rigid.part.arrays

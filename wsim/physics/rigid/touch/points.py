@@ -48,7 +48,7 @@ class Touch(Substeps):
                        for world in range(b.model.worlds)}
         bouncing = any(c.restitution > 0.0 for *_, c in self.owners)
         self.memory = b.clock.integrator.memory > 0.0
-        self.rises, self.alone = bouncing or self.memory, len(self.owners) == 1 and not b.scene.colliders
+        self.rises, self.alone = bouncing or self.memory, len(self.copies[0]) == 1 and not b.scene.colliders
         self.rounds = 1 if self.alone else max(1, ceil(ROUNDS / b.clock.iterations))
         self.lanes, module = 1, b.model.module
         if b.model.device.is_cuda:                       # blocks of another size stand in a module of their own
@@ -62,6 +62,7 @@ class Touch(Substeps):
         self.start: Any = None
         self.bounds = colour.bounds(b.model.module)
         self.half: Half | None = None
+        self.surfaces = False            # True: their sweeps come behind the last iteration
 
     def starts(self) -> Any:
         """e where substeps begin, kept from now on for who asks; None where it is e itself, which no memory changes."""
@@ -80,6 +81,8 @@ class Touch(Substeps):
             from wsim.physics.rigid.touch.newton import Foreseen
             self.foreseen = Foreseen(self, others.find("assembly"), others.find("lanes"))
             terms.append(self.foreseen)
+        if (surfaces := others.find("self-contact")) is not None:
+            self.surfaces = not surfaces.within
         if "ph" in self.rigid.part.arrays:
             self.half = Half(self)
             others.find("impacts").append(self.half.before)
@@ -113,7 +116,7 @@ class Touch(Substeps):
         contact.stages[1].launches += (launches - 1) * self.rounds
         contact.stages[0].launches += 5
         if self.rises:
-            contact.stages.append(Stage("touch: velocities", "solve", self.rise, 6, size, what="of points that push bodies"))
+            contact.stages.append(Stage("touch: velocities", "solve", self.first, 6, size, what="of points that push bodies"))
 
     def room(self) -> None:
         """Arrays for as many contacts as there are slots."""
@@ -234,8 +237,18 @@ class Touch(Substeps):
         self.run("others", self.room_for, [self.shapes.of, self.contacts.slots, self.contacts.push], [self.aside])
         return self.aside
 
+    def first(self, clock: Clock) -> None:
+        """Velocities behind the last iteration, unless surfaces push points and bodies once more behind it."""
+        if not self.surfaces or clock.free:
+            self.rise(clock)
+
+    def behind(self, clock: Clock) -> None:
+        """Velocities behind surfaces: a memory is told of all that bodies push points by."""
+        if self.rises and self.surfaces:
+            self.rise(clock)
+
     def rise(self, clock: Clock) -> None:
-        """Velocities behind the last iteration."""
+        """Velocities behind the last push."""
         n, rig, slots, s = len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots, self.state
         at, memory = self.points(clock), int(clock.integrator.memory > 0.0)
         self.run("rise", self.room_for, [self.shapes, slots, at, self.found, memory, n], [self.rows])
