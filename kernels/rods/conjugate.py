@@ -2,7 +2,7 @@
 
     A = M + E,   M: blocks of strands (kernels/rods/system.py) with what contacts add within an edge, factored strand by strand
                  E: what contacts add between the two edges of a pair, and
-                    between all points that touch one rigid body, whose motion is eliminated (kernels/rigid/touch/strands.py)
+                    between all points and edges that touch one rigid body, whose motion is eliminated (kernels/rigid/touch/strands.py)
 
 They are preconditioned by M. Since p = z + beta p with M z = r, M p is summed up likewise (w), and no block of M is kept.
 Worlds end by themselves: at GAIN, or ROUNDS of them.
@@ -54,12 +54,22 @@ def gradients(module: str):
         return a
 
     @wp.func
-    def carried(B: Borne, point: int):
-        """Force on a point of bodies that move by y [N]."""
+    def shoved(B: Borne, row: int, j: int):
+        """Force at a contact whose body moves by y [N]."""
+        body = B.body[row, j]
+        return B.K[row, j] * (B.y[body, 0] + wp.cross(B.y[body, 1], B.arm[row, j]))
+
+    @wp.func
+    def carried(B: Borne, point: int, m: int):
+        """Force on a point of bodies that move by y [N], of its row and of the edge before it. m: strands."""
         f = wp.vec3d()
         for j in range(wp.min(B.many[point], B.body.shape[1])):
-            body = B.body[point, j]
-            f += B.K[point, j] * (B.y[body, 0] + wp.cross(B.y[body, 1], B.arm[point, j]))
+            f += shoved(B, point, j) * (wp.float64(1.0) - B.u[point, j])
+        before = point - m
+        if before >= 0:
+            for j in range(wp.min(B.many[before], B.body.shape[1])):
+                if B.u[before, j] > wp.float64(0.0):
+                    f += shoved(B, before, j) * B.u[before, j]
         return f
 
     @wp.kernel(module=module, enable_backward=False)
@@ -69,7 +79,7 @@ def gradients(module: str):
             return
         for i in range(S.points[k]):
             if S.hold[i, k] < 0:
-                f = carried(B, i * G.world.shape[0] + k)
+                f = carried(B, i * G.world.shape[0] + k, G.world.shape[0])
                 G.r[i, k] = G.r[i, k] + wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
         G.sum[k] = solve(S, T, G, k)
         for i in range(S.points[k]):
@@ -111,7 +121,7 @@ def gradients(module: str):
                         else:
                             q += P.cross[pair, 0] * b[pair][c]
                 if B.many:
-                    q -= carried(B, point)
+                    q -= carried(B, point, m)
                 move = move + wp.vec4d(q[0], q[1], q[2], wp.float64(0.0))
             G.q[i, k] = move
             a += wp.dot(move, G.p[i, k])
