@@ -5,7 +5,8 @@
 
 A face that lies on an edge is met at both of its ends, as bodies are by the corners of theirs: nearest is one or the other, as
 it is tilted, and a body that rests on the one place would tip to and fro. On what is round both are TURN R apart from the
-nearest place, and TURN^2 R / 2 farther. There are none where the shape is nearest at an end; of a mesh with several bumps
+nearest place, and TURN^2 R / 2 farther. As the edge moves along itself the places stay on the shape: forces are across it, along
+n - s t. There are none where the shape is nearest at an end; of a mesh with several bumps
 under one edge those are found that the middle leads to.
 
     e = deep_u - w - max(-w, deep_a, deep_b)     deep = r - phi: what the points of an edge do not meet by themselves
@@ -33,7 +34,7 @@ PIERCED = wp.constant(wp.float64(1e-3))      # of what is kept, within which an 
 
 @wp.struct
 class Flank:
-    """A place: u, 0 where there is none; distance [m] and normal there."""
+    """A place: u, 0 where there is none; distance there [m], normal across the edge."""
 
     u: wp.float64
     phi: wp.float64
@@ -101,7 +102,7 @@ def flanking(kinds: tuple[str, ...]):
         if phi < reach:
             found.u = u
             found.phi = phi
-            found.n = n
+            found.n = wp.normalize(n - t * wp.dot(n, t))
         return found
 
     @wp.func

@@ -118,6 +118,7 @@ class Borne:
     near: wp.array(dtype=int)                       # of worlds: 1, a body may be met in this substep
     first: wp.array(dtype=int)                      # first body of each world, and their number, (worlds + 1,)
     y: wp.array2d(dtype=wp.vec3d)                   # motion [m] and turn [rad] of bodies, (bodies, 2)
+    size: wp.array(dtype=wp.float64)                # radius of a body [m]: of one below an edge corrections are measured by it
     left: wp.array(dtype=wp.float64)                # greatest correction of a place of contact [m]
     ahead: wp.array(dtype=wp.float64)               # force along the last step, and along the correction, of a body
     gain: wp.array(dtype=wp.float64)

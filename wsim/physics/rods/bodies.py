@@ -88,10 +88,13 @@ class Bodies:
             **{name: zeros(wp.quatd, n) for name in ("q0", "q1")}, **{name: zeros(wp.mat33d, n) for name in ("P", "X", "H")},
             **{name: zeros(wp.vec3d, n, 2) for name in ("xi", "r", "z", "last")},
             **{name: zeros(wp.transformd, shapes) for name in ("pose0", "pose1")})
+        size = np.full(n, np.inf)
+        for (k, *_), ball in zip(owners, balls, strict=True):
+            size[k] = max(size[k], ball[3]) if np.isfinite(size[k]) else ball[3]
         first = np.searchsorted(worlds, np.arange(s.model.worlds + 1)).astype(np.int32)
         points, sites = self.ground.points, int(strand_contacts.SITES)
         self.borne = filled(
-            Borne, first=up(first, int), near=zeros(int, s.model.worlds), y=zeros(wp.vec3d, n, 2), many=zeros(int, points),
+            Borne, first=up(first, int), size=up(size, wp.float64), near=zeros(int, s.model.worlds), y=zeros(wp.vec3d, n, 2), many=zeros(int, points),
             s=zeros(wp.vec3d, points, sites), **{name: zeros(wp.float64, points, sites) for name in ("N", "deep")},
             **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")})
         self.word = zeros(int, 1)
