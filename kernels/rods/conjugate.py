@@ -2,7 +2,8 @@
 
     A = M + E,   M: blocks of strands (kernels/rods/system.py) with what contacts add within an edge, factored strand by strand
                  E: what contacts add between the two edges of a pair, and
-                    between all points and edges that touch one rigid body, whose motion is eliminated (kernels/rigid/touch/strands.py)
+                    between all points and edges that touch one rigid body, whose motion is eliminated
+                    (kernels/rigid/touch/strands.py)
 
 They are preconditioned by M. Since p = z + beta p with M z = r, M p is summed up likewise (w), and no block of M is kept.
 Worlds end by themselves: at GAIN, or ROUNDS of them.

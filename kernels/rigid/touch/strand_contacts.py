@@ -11,12 +11,12 @@ import warp as wp
 from wsim.kernels.math.rotation import multiply, normalized, rotate
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double, double3, free_rotation
+from wsim.kernels.rigid.touch.flanks import Flanks, flanking
 from wsim.kernels.rigid.touch.strands import Carried, lasting
 from wsim.kernels.rods.contact import FAR, Colliders, touching
-from wsim.kernels.rods.flanks import Flanks, flanking
 from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
 
-AHEAD = wp.constant(wp.float64(2.0))     # of the ways of a point or edge and a body in a substep, within which they count as near
+AHEAD = wp.constant(wp.float64(2.0))     # of the ways of a place and a body in a substep, within which they count as near
 
 SITES = wp.constant(3)                   # of a row: a point, two places within the edge behind it
 

@@ -1,23 +1,23 @@
 """Forces of rigid bodies on strands, on their points by the law of kernels/rods/contact.py, and within their edges by that of
-kernels/rods/flanks.py. What bodies then do: kernels/rigid/touch/strands.py.
+kernels/rigid/touch/flanks.py. What bodies then do: kernels/rigid/touch/strands.py.
 
     k = max(STIFF m / h^2, FIRM A, min(M / h^2, A))      M: of the body, A: E A over the edge's length; what lies on a rope
                                                          sinks by g h^2 / n on n points, or by its strain, in edges
 
 A force f at x_u = (1 - u) x_i + u x_i+1 is (1 - u) f and u f on the points of the edge, and -f on the body at the arm of x_u;
-its stiffness b b^T K, b = (1 - u, u). A point has u = 0, and a row that it shares with the edge behind it: three sites, the point
-and two places within the edge. The friction of each is with the body that it is deepest in.
+its stiffness b b^T K, b = (1 - u, u). A point has u = 0, and a row that it shares with the edge behind it: three sites, the
+point and two places within the edge. The friction of each is with the body that it is deepest in.
 """
 
 from functools import cache
 
 import warp as wp
 
+from wsim.kernels.rigid.touch.flanks import Flank, beneath
 from wsim.kernels.rigid.touch.strand_contacts import SITES, Spot, meeting, spot
 from wsim.kernels.rigid.touch.strands import Carried
 from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, rub
 from wsim.kernels.rods.contact import press as pressing
-from wsim.kernels.rods.flanks import Flank, beneath, mean
 from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
 
 
@@ -114,10 +114,9 @@ def meet(kinds: tuple[str, ...], module: str):
             rubbed(C, S, W, B, to, s)
 
     @wp.func
-    def meet_place(S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, to: Deepest, s: Spot, at: Flank, ends: wp.float64,
-                   thick: wp.float64, c: int):
+    def meet_place(C: Colliders, W: Carried, B: Borne, to: Deepest, s: Spot, at: Flank, ends: wp.float64, c: int):
         w = SOFT * s.radius
-        deep = beneath(at.phi, ends, s.radius + thick, w)
+        deep = beneath(at.phi, ends, s.radius + C.thick[c], w)
         if at.u > wp.float64(0.0) and deep > -w:
             to = press(W, B, to, s, at.n, deep, c)
         return to
@@ -129,8 +128,8 @@ def meet(kinds: tuple[str, ...], module: str):
         thick = wp.max(S.radius[i, k], S.radius[i + 1, k])
         for c in range(W.body.shape[0]):
             to = span(C, S, T, W, SOFT * thick, c, i, k)
-            a = meet_place(S, Q, T, W, B, a, spot(S, Q, T, i, k, 1, to.a.u), to.a, to.ends, C.thick[c], c)
-            b = meet_place(S, Q, T, W, B, b, spot(S, Q, T, i, k, 2, to.b.u), to.b, to.ends, C.thick[c], c)
+            a = meet_place(C, W, B, a, spot(S, Q, T, i, k, 1, to.a.u), to.a, to.ends, c)
+            b = meet_place(C, W, B, b, spot(S, Q, T, i, k, 2, to.b.u), to.b, to.ends, c)
         p = i * S.points.shape[0] + k
         if B.many[p] <= B.body.shape[1]:
             if B.N[p, 1] > wp.float64(0.0):

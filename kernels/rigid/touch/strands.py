@@ -4,14 +4,14 @@ body that they touch among its unknowns. Their contacts: kernels/rigid/touch/str
 A body goes where its momentum leads it, and is moved from there by xi = (u [m], a [rad]) about its centre of mass; a place at
 the arm r from it by J xi = u + a x r. With the law of kernels/rods/contact.py, a force f on the point and K = -df/dx,
 
-    point     (A + K) z - K J zeta = f + ...            z, zeta: corrections of points (within an edge, of b . points) and bodies
+    point     (A + K) z - K J zeta = f + ...            z, zeta: corrections of points (in an edge: b . z) and of bodies
     body      (W + sum J^T K J) zeta - sum J^T K z = -W xi - sum J^T f,        W = (m, I) / h^2
 
 Bodies are eliminated: with D = W + sum J^T K J, zeta = D^-1 (b + sum J^T K z), and what is left of them among the points is
 K - K J D^-1 J^T K, which conjugate gradients take (kernels/rods/conjugate.py), in 6 rounds a body at most. What a body gets in
 the end is the momentum of how far it was moved, m u / h and I a / h: the sum of the linear equations that points were solved
-with, so that both together keep theirs, whatever Newton's method has left. Arms are those of the points, or of the places within
-edges, so that angular momentum is what points lose of theirs.
+with, so that both together keep theirs, whatever Newton's method has left. Arms are those of the points, or of the places
+within edges, so that angular momentum is what points lose of theirs.
 
 A drag c [1/s] of the body acts on what forces have given it since the substep began, whatever they are: a constant force leaves
 the part s = (1 - exp(-c h)) / (c h) of h times it, as weight does (`kicked`, kernels/rigid/motion.py). So W = (m / s, I / s') /

@@ -1,10 +1,10 @@
-"""Edges of rods against rigid bodies that are narrower than points are apart: what lands on them, momentum, weight, friction."""
+"""Edges of rods against rigid bodies that are narrower than points are apart: falls, momentum, weight, friction."""
 
 import numpy as np
 import pytest
 
 from tests.physics.rods.rig import simulated
-from tests.physics.rods.test_bodies import G, THICK, at, box, line, lying, masses
+from tests.physics.rods.test_bodies import THICK, G, at, box, line, lying, masses
 from wsim.geometry import primitives
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rods.objects import Rods
@@ -14,7 +14,7 @@ from wsim.scene.solids import Capsule
 
 FLAT = np.eye(3)
 EDGE = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, np.sqrt(2.0)]]) / np.sqrt(2.0)
-CORNER = np.array([[np.sqrt(3.0), -np.sqrt(3.0), 0.0], [np.sqrt(2.0)] * 3, [-1.0, -1.0, 2.0]]) / np.sqrt(6.0)   # a corner is lowest
+CORNER = np.array([[np.sqrt(3.0), -np.sqrt(3.0), 0.0], [np.sqrt(2.0)] * 3, [-1.0, -1.0, 2.0]]) / np.sqrt(6.0)
 
 
 def turned(x, R: np.ndarray) -> Motion:
@@ -81,8 +81,8 @@ def test_it_is_the_same_a_kilometre_away():
 
 
 def blow(speed: float, on: bool = False, friction: float = 0.5, mass: float = 0.1) -> Scene:
-    """A thin bar that is thrown at a rope which nothing holds, between two points 10 cm apart, across it and off its own middle;
-    a substep a frame."""
+    """A thin bar that is thrown at a rope which nothing holds, between two points 10 cm apart, across it and off its own
+    middle; a substep a frame."""
     scene = Scene(gravity=(0.0, 0.0, 0.0), fps=240.0, substeps=1)
     scene.add(Rods("/rope", line(9, 0.4), [9], THICK, young=1e7, self_collision=on, static_friction=friction,
                    dynamic_friction=friction))
@@ -92,8 +92,8 @@ def blow(speed: float, on: bool = False, friction: float = 0.5, mass: float = 0.
 
 
 def crossed(x: np.ndarray, frame: np.ndarray) -> float:
-    """Distance [m] from a bar's axis to the edge of a rope that crosses it, along the normal of both: below 0 where the rope has
-    passed."""
+    """Distance [m] from a bar's axis to the edge of a rope that crosses it, along the normal of both: below 0 where the rope
+    has passed."""
     c, axis = frame[:3, 3], frame[:3, 2]
     y = x - c
     side = y @ np.cross((0.0, 1.0, 0.0), axis)

@@ -81,9 +81,10 @@ class Bodies:
         self.carried = filled(
             strands.Carried, begin=up(self.rigid.origin, wp.vec3d), body=up(np.array([k for k, *_ in owners], np.int32), int),
             world=up(np.array([w for _, w, _ in owners], np.int32), int), place=up(places, wp.transformd),
-            size=up(balls, wp.vec4d), strand=self.together.group.world, m=zeros(wp.float64, n), J=zeros(wp.mat33d, n), first=zeros(int, n + 1),
-            ball=zeros(wp.vec4d, shapes), **{f"{name}{key}": part[f"{field}{key}"].reshape(two) for key in ("", "1", "2")
-                                             for name, field in (("stick", "cling"), ("load", "bears"))},
+            size=up(balls, wp.vec4d), strand=self.together.group.world, m=zeros(wp.float64, n), J=zeros(wp.mat33d, n),
+            first=zeros(int, n + 1), ball=zeros(wp.vec4d, shapes),
+            **{f"{name}{key}": part[f"{field}{key}"].reshape(two) for key in ("", "1", "2")
+               for name, field in (("stick", "cling"), ("load", "bears"))},
             **{name: zeros(wp.vec3d, n) for name in ("c0", "c1")},
             **{name: zeros(wp.quatd, n) for name in ("q0", "q1")}, **{name: zeros(wp.mat33d, n) for name in ("P", "X", "H")},
             **{name: zeros(wp.vec3d, n, 2) for name in ("xi", "r", "z", "last")},
@@ -94,8 +95,9 @@ class Bodies:
         first = np.searchsorted(worlds, np.arange(s.model.worlds + 1)).astype(np.int32)
         points, sites = self.ground.points, int(strand_contacts.SITES)
         self.borne = filled(
-            Borne, first=up(first, int), size=up(size, wp.float64), near=zeros(int, s.model.worlds), y=zeros(wp.vec3d, n, 2), many=zeros(int, points),
-            s=zeros(wp.vec3d, points, sites), **{name: zeros(wp.float64, points, sites) for name in ("N", "deep")},
+            Borne, first=up(first, int), size=up(size, wp.float64), near=zeros(int, s.model.worlds),
+            y=zeros(wp.vec3d, n, 2), many=zeros(int, points), s=zeros(wp.vec3d, points, sites),
+            **{name: zeros(wp.float64, points, sites) for name in ("N", "deep")},
             **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")})
         self.word = zeros(int, 1)
         for name, kind in (("lift", wp.vec3d), ("firm", wp.mat33d), ("bridge", wp.mat33d)):

@@ -5,9 +5,9 @@
 
 A face that lies on an edge is met at both of its ends, as bodies are by the corners of theirs: nearest is one or the other, as
 it is tilted, and a body that rests on the one place would tip to and fro. On what is round both are TURN R apart from the
-nearest place, and TURN^2 R / 2 farther. As the edge moves along itself the places stay on the shape: forces are across it, along
-n - s t. There are none where the shape is nearest at an end; of a mesh with several bumps
-under one edge those are found that the middle leads to.
+nearest place, and TURN^2 R / 2 farther. As the edge moves along itself the places stay on the shape: forces are across it, of
+n - s t. There are none where the shape is nearest at an end; of a mesh with several bumps under one edge those are found that
+the middle leads to.
 
     e = deep_u - w - max(-w, deep_a, deep_b)     deep = r - phi: what the points of an edge do not meet by themselves
 
@@ -69,17 +69,18 @@ def flanking(kinds: tuple[str, ...]):
     meshes = "solid" in kinds or "sheet" in kinds
 
     @wp.func
-    def flank(C: Colliders, c: int, a: wp.vec3d, d: wp.vec3d, reach: wp.float64, lo: wp.float64, low: wp.float64,
-              hi: wp.float64, high: wp.float64, turn: wp.float64):
-        """The place where s is turn, which it crosses between lo, where it is low, and hi."""
+    def flank(C: Colliders, c: int, a: wp.vec3d, d: wp.vec3d, reach: wp.float64, cut: wp.vec4d, turn: wp.float64):
+        """The place where s is turn. cut: u below, s there, u above, s there."""
         found = Flank()
         t = wp.normalize(d)
         half = wp.float64(0.5)
         u = half
         phi = FAR
         n = wp.vec3d()
-        g0 = low - turn
-        g1 = high - turn
+        lo = cut[0]
+        hi = cut[2]
+        g0 = cut[1] - turn
+        g1 = cut[3] - turn
         g = g1
         count = int(0)
         while count < ROUNDS and hi - lo > NEAR and wp.abs(g) > wp.float64(10.0) * NEAR:
@@ -127,14 +128,14 @@ def flanking(kinds: tuple[str, ...]):
             found.ends = wp.min(phi0, phi1)
             if s0 < -TURN and s1 >= -TURN:
                 if s >= -TURN:
-                    found.a = flank(C, c, a, d, reach, zero, s0, half, s, -TURN)
+                    found.a = flank(C, c, a, d, reach, wp.vec4d(zero, s0, half, s), -TURN)
                 else:
-                    found.a = flank(C, c, a, d, reach, half, s, one, s1, -TURN)
+                    found.a = flank(C, c, a, d, reach, wp.vec4d(half, s, one, s1), -TURN)
             if s0 <= TURN and s1 > TURN:
                 if s > TURN:
-                    found.b = flank(C, c, a, d, reach, zero, s0, half, s, TURN)
+                    found.b = flank(C, c, a, d, reach, wp.vec4d(zero, s0, half, s), TURN)
                 else:
-                    found.b = flank(C, c, a, d, reach, half, s, one, s1, TURN)
+                    found.b = flank(C, c, a, d, reach, wp.vec4d(half, s, one, s1), TURN)
         return found
 
     return flanks
