@@ -54,25 +54,6 @@ def gradients(module: str):
             a += G.sum[j]
         return a
 
-    @wp.func
-    def shoved(B: Borne, row: int, j: int):
-        """Force at a contact whose body moves by y [N]."""
-        body = B.body[row, j]
-        return B.K[row, j] * (B.y[body, 0] + wp.cross(B.y[body, 1], B.arm[row, j]))
-
-    @wp.func
-    def carried(B: Borne, point: int, m: int):
-        """Force on a point of bodies that move by y [N], of its row and of the edge before it. m: strands."""
-        f = wp.vec3d()
-        for j in range(wp.min(B.many[point], B.body.shape[1])):
-            f += shoved(B, point, j) * (wp.float64(1.0) - B.u[point, j])
-        before = point - m
-        if before >= 0:
-            for j in range(wp.min(B.many[before], B.body.shape[1])):
-                if B.u[before, j] > wp.float64(0.0):
-                    f += shoved(B, before, j) * B.u[before, j]
-        return f
-
     @wp.kernel(module=module, enable_backward=False)
     def carry_strands(S: Strands, T: Trial, B: Borne, G: Coupled):
         k = wp.tid()
@@ -80,7 +61,7 @@ def gradients(module: str):
             return
         for i in range(S.points[k]):
             if S.hold[i, k] < 0:
-                f = carried(B, i * G.world.shape[0] + k, G.world.shape[0])
+                f = B.push[i * G.world.shape[0] + k]
                 G.r[i, k] = G.r[i, k] + wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
         G.sum[k] = solve(S, T, G, k)
         for i in range(S.points[k]):
@@ -122,7 +103,7 @@ def gradients(module: str):
                         else:
                             q += P.cross[pair, 0] * b[pair][c]
                 if B.many:
-                    q -= carried(B, point, m)
+                    q -= B.push[point]
                 move = move + wp.vec4d(q[0], q[1], q[2], wp.float64(0.0))
             G.q[i, k] = move
             a += wp.dot(move, G.p[i, k])

@@ -119,6 +119,7 @@ class Borne:
     first: wp.array(dtype=int)                      # first body of each world, and their number, (worlds + 1,)
     y: wp.array2d(dtype=wp.vec3d)                   # motion [m] and turn [rad] of bodies, (bodies, 2)
     size: wp.array(dtype=wp.float64)                # radius of a body [m]: of one below an edge corrections are measured by it
+    push: wp.array(dtype=wp.vec3d)                  # force on a point of bodies that move by y [N]
     left: wp.array(dtype=wp.float64)                # greatest correction of a place of contact [m]
     ahead: wp.array(dtype=wp.float64)               # force along the last step, and along the correction, of a body
     gain: wp.array(dtype=wp.float64)

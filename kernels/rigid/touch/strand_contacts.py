@@ -171,6 +171,7 @@ def nearing(kinds: tuple[str, ...], module: str):
         i = p / m
         k = p - i * m
         B.many[p] = 0
+        B.push[p] = wp.vec3d()
         for site in range(SITES):
             B.N[p, site] = wp.float64(0.0)
             B.s[p, site] = wp.vec3d()

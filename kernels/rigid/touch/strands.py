@@ -198,6 +198,30 @@ def bodily(module: str):
 
 
 @cache
+def pushing(module: str):
+    """Kernel over points: forces of bodies that move by y, at their contacts and at those of the edges before them."""
+    @wp.func
+    def push(B: Borne, row: int, j: int):
+        body = B.body[row, j]
+        return B.K[row, j] * (B.y[body, 0] + wp.cross(B.y[body, 1], B.arm[row, j]))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def push_points(B: Borne, strands: int):
+        p = wp.tid()
+        f = wp.vec3d()
+        for j in range(wp.min(B.many[p], B.body.shape[1])):
+            f += push(B, p, j) * (wp.float64(1.0) - B.u[p, j])
+        before = p - strands
+        if before >= 0:
+            for j in range(wp.min(B.many[before], B.body.shape[1])):
+                if B.u[before, j] > wp.float64(0.0):
+                    f += push(B, before, j) * B.u[before, j]
+        B.push[p] = f
+
+    return push_points
+
+
+@cache
 def ends(real, module: str):
     """Kernels: momenta of bodies that were moved, over bodies; bristles, over points and the edges behind them."""
     t, Rig = types(real), whole(real)

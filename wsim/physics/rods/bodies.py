@@ -63,6 +63,7 @@ class Bodies:
         self.meeting, self.gathering = strand_forces.meet(self.shapes.kinds, module)
         self.keys = strands.keys(module)
         self.leaning, self.crossing, self.measuring, self.taking = strands.bodily(module)
+        self.pushing = strands.pushing(module)
         self.giving, self.cling = strands.ends(real, module)
         self.bounds = colour.bounds(module)
         self.depth = ROOM
@@ -96,7 +97,7 @@ class Bodies:
         points, sites = self.ground.points, int(strand_contacts.SITES)
         self.borne = filled(
             Borne, first=up(first, int), size=up(size, wp.float64), near=zeros(int, s.model.worlds),
-            y=zeros(wp.vec3d, n, 2), many=zeros(int, points), s=zeros(wp.vec3d, points, sites),
+            y=zeros(wp.vec3d, n, 2), many=zeros(int, points), push=zeros(wp.vec3d, points), s=zeros(wp.vec3d, points, sites),
             **{name: zeros(wp.float64, points, sites) for name in ("N", "deep")},
             **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")})
         self.word = zeros(int, 1)
@@ -128,6 +129,11 @@ class Bodies:
     def over(self, kernel, *given) -> None:
         """Launches a kernel over bodies."""
         self.launch(kernel, len(self.rigid.bodies), list(given), [])
+
+    def moved(self, kernel, *given) -> None:
+        """Launches a kernel that moves bodies, and one of what that does to points."""
+        self.over(kernel, *given)
+        self.launch(self.pushing, self.ground.points, [self.borne, self.together.table.strands], [])
 
     def begin(self) -> None:
         """Where bodies are and go, and which worlds have one near a strand."""
@@ -163,12 +169,12 @@ class Bodies:
 
     def lean(self) -> None:
         """Systems of bodies."""
-        wp.capture_if(self.word, lambda: self.over(self.leaning, self.carried, self.borne, self.together.words))
+        wp.capture_if(self.word, lambda: self.moved(self.leaning, self.carried, self.borne, self.together.words))
 
     def cross(self) -> None:
         """What bodies give way as points are moved by G.p."""
         t = self.together
-        wp.capture_if(self.word, lambda: self.over(self.crossing, t.strands.strands, t.group, self.carried, self.borne))
+        wp.capture_if(self.word, lambda: self.moved(self.crossing, t.strands.strands, t.group, self.carried, self.borne))
 
     def measure(self) -> None:
         """Corrections of bodies."""
