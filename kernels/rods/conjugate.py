@@ -2,7 +2,8 @@
 
     A = M + E,   M: blocks of strands (kernels/rods/system.py) with what contacts add within an edge, factored strand by strand
                  E: what contacts add between the two edges of a pair, and
-                    between all points that touch one rigid body, whose motion is eliminated (kernels/rigid/touch/strands.py)
+                    between all points and edges that touch one rigid body, whose motion is eliminated
+                    (kernels/rigid/touch/strands.py)
 
 They are preconditioned by M. Since p = z + beta p with M z = r, M p is summed up likewise (w), and no block of M is kept.
 Worlds end by themselves: at GAIN, or ROUNDS of them.
@@ -53,15 +54,6 @@ def gradients(module: str):
             a += G.sum[j]
         return a
 
-    @wp.func
-    def carried(B: Borne, point: int):
-        """Force on a point of bodies that move by y [N]."""
-        f = wp.vec3d()
-        for j in range(wp.min(B.many[point], B.body.shape[1])):
-            body = B.body[point, j]
-            f += B.K[point, j] * (B.y[body, 0] + wp.cross(B.y[body, 1], B.arm[point, j]))
-        return f
-
     @wp.kernel(module=module, enable_backward=False)
     def carry_strands(S: Strands, T: Trial, B: Borne, G: Coupled):
         k = wp.tid()
@@ -69,7 +61,7 @@ def gradients(module: str):
             return
         for i in range(S.points[k]):
             if S.hold[i, k] < 0:
-                f = carried(B, i * G.world.shape[0] + k)
+                f = B.push[i * G.world.shape[0] + k]
                 G.r[i, k] = G.r[i, k] + wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
         G.sum[k] = solve(S, T, G, k)
         for i in range(S.points[k]):
@@ -111,7 +103,7 @@ def gradients(module: str):
                         else:
                             q += P.cross[pair, 0] * b[pair][c]
                 if B.many:
-                    q -= carried(B, point)
+                    q -= B.push[point]
                 move = move + wp.vec4d(q[0], q[1], q[2], wp.float64(0.0))
             G.q[i, k] = move
             a += wp.dot(move, G.p[i, k])

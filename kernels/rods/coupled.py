@@ -156,7 +156,7 @@ def newton(kinds: tuple[str, ...], airy: bool, module: str):
                     for j in range(G.first[k], G.first[k + 1]):
                         least = wp.min(least, G.least[j])
                     for j in range(B.first[k], B.first[k + 1]):
-                        z = wp.max(z, B.left[j] / least)
+                        z = wp.max(z, B.left[j] / wp.min(least, B.size[j]))
                         ahead += B.ahead[j]
                         gain += B.gain[j]
                 begun = G.count[k] > 0

@@ -204,6 +204,8 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
                     w = push(S, w, f, K, i, k)
                 if wp.static(pressed):
                     w.P = add(w.P, T.along[i, k])
+                    if T.bridge:
+                        w.P = add(w.P, T.bridge[i, k])
             if i >= 0 and i + 2 < n:
                 e = T.x[j, k] - T.x[i + 1, k]
                 l1 = wp.length(e)

@@ -80,6 +80,7 @@ class Trial:
     given: wp.array2d(dtype=wp.vec3d)               # force of surfaces on a point [N]; only where strands meet them
     lift: wp.array2d(dtype=wp.vec3d)                # force of rigid bodies on it [N]; only where strands meet them
     firm: wp.array2d(dtype=wp.mat33d)               # and its stiffness, bodies held [N/m]
+    bridge: wp.array2d(dtype=wp.mat33d)             # and that towards the next point, of edges between them
 
 
 @wp.struct
@@ -102,20 +103,23 @@ class Pressed:
 
 @wp.struct
 class Borne:
-    """Contacts of points with rigid bodies (kernels/rigid/touch/strands.py): by flat row of the point and its number there,
-    (points, room); by body."""
+    """Contacts of strands with rigid bodies (kernels/rigid/touch/strands.py): by flat row of a point, which the edge behind it
+    shares, and their number there, (points, room); by site (kernels/rigid/touch/strand_contacts.py), (points, 3); by body."""
 
-    many: wp.array(dtype=int)                       # contacts of a point; may be more than there is room for
+    many: wp.array(dtype=int)                       # contacts of a row; may be more than there is room for
     body: wp.array2d(dtype=int)                     # of a contact
-    arm: wp.array2d(dtype=wp.vec3d)                 # from the body's centre of mass to the point [m]
-    f: wp.array2d(dtype=wp.vec3d)                   # force on the point [N]
+    u: wp.array2d(dtype=wp.float64)                 # where on the edge; 0: of the point
+    arm: wp.array2d(dtype=wp.vec3d)                 # from the body's centre of mass to that place [m]
+    f: wp.array2d(dtype=wp.vec3d)                   # force on the strand there [N]
     K: wp.array2d(dtype=wp.mat33d)                  # its stiffness [N/m]
-    N: wp.array(dtype=wp.float64)                   # normal force of the deepest contact of a point [N]
-    s: wp.array(dtype=wp.vec3d)                     # bristle there where the substep ends [m]
-    deep: wp.array(dtype=wp.float64)                # how deep that is [m]
+    N: wp.array2d(dtype=wp.float64)                 # normal force of the deepest contact of a site [N]
+    s: wp.array2d(dtype=wp.vec3d)                   # bristle there where the substep ends [m]
+    deep: wp.array2d(dtype=wp.float64)              # how deep that is [m]
     near: wp.array(dtype=int)                       # of worlds: 1, a body may be met in this substep
     first: wp.array(dtype=int)                      # first body of each world, and their number, (worlds + 1,)
     y: wp.array2d(dtype=wp.vec3d)                   # motion [m] and turn [rad] of bodies, (bodies, 2)
+    size: wp.array(dtype=wp.float64)                # radius of a body [m]: of one below an edge corrections are measured by it
+    push: wp.array(dtype=wp.vec3d)                  # force on a point of bodies that move by y [N]
     left: wp.array(dtype=wp.float64)                # greatest correction of a place of contact [m]
     ahead: wp.array(dtype=wp.float64)               # force along the last step, and along the correction, of a body
     gain: wp.array(dtype=wp.float64)

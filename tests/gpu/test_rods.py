@@ -121,6 +121,23 @@ def test_a_rope_and_a_box_that_collide_go_as_on_a_cpu(on):
     assert np.abs(one[2] - 0.2 * np.array([0.5, -3.0, 0.1])).max() < 1e-6 * 0.6
 
 
+@pytest.mark.parametrize("on", [False, True], ids=["alone", "touching"])
+def test_a_bar_and_a_box_on_edges_of_ropes_go_as_on_a_cpu(on):
+    """A bar that is thrown between two points, and a box that falls by an edge: the same bits from run to run."""
+    from tests.physics.rods.test_body_edges import EDGE, blow, landing
+
+    def gone(device: str) -> list[np.ndarray]:
+        found = []
+        for made, frames in ((blow(3.0, on), 24), (landing(EDGE, on), 14)):
+            simulation = Simulation(made, device=device)
+            simulation.run(frames)
+            found += [simulation.plan.method("rods").points(0)[0], simulation.plan.method("rigid").poses()]
+        return found
+    one, again, other = gone("cuda:0"), gone("cuda:0"), gone("cpu")
+    assert all(np.array_equal(a, b) for a, b in zip(one, again, strict=True))
+    assert max(np.abs(a - b).max() for a, b in zip(one, other, strict=True)) < 1e-4
+
+
 def beside(monkeypatch, apart: bool, air: bool):
     """Strands of 14, 9 and 2 points, the first held, that fall on a ball."""
     monkeypatch.setattr(method, "APART", apart)

@@ -1,11 +1,7 @@
-"""Points of strands on rigid bodies: where shapes are in a substep, which may be met, and the forces of those that are met, by
-the law of kernels/rods/contact.py. What bodies then do: kernels/rigid/touch/strands.py.
+"""Shapes of rigid bodies in a substep of strands, and whether one may be met. Forces: kernels/rigid/touch/strand_forces.py.
 
-    k = max(STIFF m / h^2, FIRM A, min(M / h^2, A))      M: of the body, A: E A over the edge's length; what lies on a rope
-                                                         sinks by g h^2 / n on n points, or by its strain, in edges
-
-Friction is with the body that a point is deepest in. A world steps by backward Euler while a body may be met (`near`): points
-that carry on the step before take two thirds of an impulse at once, and bodies would have got all of it.
+A world steps by backward Euler while a body may be met (`near`): points that carry on the step before take two thirds of an
+impulse at once, and bodies would have got all of it.
 """
 
 from functools import cache
@@ -15,20 +11,14 @@ import warp as wp
 from wsim.kernels.math.rotation import multiply, normalized, rotate
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double, double3, free_rotation
+from wsim.kernels.rigid.touch.flanks import Flanks, flanking
 from wsim.kernels.rigid.touch.strands import Carried, lasting
-from wsim.kernels.rods.contact import FAR, FIRM, SOFT, STIFF, Colliders, Touch, rub, touching
+from wsim.kernels.rods.contact import FAR, Colliders, touching
 from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
 
-AHEAD = wp.constant(wp.float64(2.0))     # of the ways of a point and a body in a substep, within which they count as near
+AHEAD = wp.constant(wp.float64(2.0))     # of the ways of a place and a body in a substep, within which they count as near
 
-
-@wp.struct
-class Deepest:
-    """The contact of a point that is deepest: shape, number among the point's, normal."""
-
-    shape: int
-    number: int
-    n: wp.vec3d
+SITES = wp.constant(3)                   # of a row: a point, two places within the edge behind it
 
 
 @cache
@@ -86,40 +76,93 @@ def places(real, module: str):
     return place_bodies, pose_shapes
 
 
+@wp.struct
+class Spot:
+    """A place of a strand: a point (site 0), or one of two within the edge behind it (sites 1 and 2, 0 < u < 1)."""
+
+    i: int
+    k: int
+    site: int
+    u: wp.float64                                   # x_u = (1 - u) x_i + u x_i+1
+    x: wp.vec3d                                     # [m], in the world
+    way: wp.vec3d                                   # since the substep began [m]
+    v: wp.vec3d                                     # where it began [m/s]
+    m: wp.float64                                   # mass [kg], half of it within an edge, and half of A
+    radius: wp.float64                              # [m]
+    A: wp.float64                                   # stretching stiffness of its edge over that's length [N/m]
+
+
+@wp.func
+def spot(S: Strands, Q: Motion, T: Trial, i: int, k: int, site: int, u: wp.float64):
+    s = Spot()
+    s.i = i
+    s.k = k
+    s.site = site
+    s.u = u
+    j = wp.min(i + 1, S.points[k] - 1)
+    a = wp.float64(1.0) - u
+    s.x = T.x[i, k] * a + T.x[j, k] * u + S.origin[k]
+    s.way = (T.x[i, k] - Q.x[i, k]) * a + (T.x[j, k] - Q.x[j, k]) * u
+    s.v = Q.v[i, k] * a + Q.v[j, k] * u
+    s.m = S.m[i, k] * a + S.m[j, k] * u
+    s.radius = S.radius[i, k] * a + S.radius[j, k] * u
+    s.A = S.A[wp.max(i - 1, 0), k]
+    if site > 0:
+        s.m = s.m * wp.float64(0.5)
+        s.A = S.A[i, k] * wp.float64(0.5)
+    return s
+
+
 @cache
 def meeting(kinds: tuple[str, ...]):
-    """Functions (C, S, T, W, margin, c, i, k) -> how deep a point is in a shape [m], less than -FAR where it is in another
-    world or farther than a margin, and the normal; (S, W, body, i, k) -> stiffness [N/m]. kinds: of shapes, which C has as
-    colliders without frames."""
-    signed = touching(kinds).signed
+    """Functions (C, W, s, margin, c) -> how deep a place of a strand is in a shape [m], less than -FAR where it is in another
+    world or farther than a margin, and the normal; (C, S, T, W, margin, c, i, k) -> `Flanks` of the edge behind a point. kinds:
+    of shapes, which C has as colliders without frames."""
+    signed, flanks = touching(kinds).signed, flanking(kinds)
 
     @wp.func
-    def depth(C: Colliders, S: Strands, T: Trial, W: Carried, margin: wp.float64, c: int, i: int, k: int):
+    def depth(C: Colliders, W: Carried, s: Spot, margin: wp.float64, c: int):
         deep = -FAR - FAR
         n = wp.vec3d()
-        x = T.x[i, k] + S.origin[k]
         ball = W.ball[c]
-        thick = S.radius[i, k] + C.thick[c]
-        if W.world[c] == W.strand[k] and wp.length(x - wp.vec3d(ball[0], ball[1], ball[2])) < ball[3] + thick + margin:
-            phi, n0, _ = signed(C, c, 0, wp.transform_point(wp.transform_inverse(W.pose1[c]), x))
+        thick = s.radius + C.thick[c]
+        if W.world[c] == W.strand[s.k] and wp.length(s.x - wp.vec3d(ball[0], ball[1], ball[2])) < ball[3] + thick + margin:
+            phi, n0, _ = signed(C, c, 0, wp.transform_point(wp.transform_inverse(W.pose1[c]), s.x))
             deep = thick - phi
             n = wp.transform_vector(W.pose1[c], n0)
         return deep, n
 
     @wp.func
-    def stiffness(S: Strands, W: Carried, j: int, i: int, k: int):
-        A = S.A[wp.max(i - 1, 0), k]
-        hh = W.h * W.h
-        return wp.max(wp.max(STIFF * S.m[i, k] / hh, FIRM * A), wp.min(W.m[j] / hh, A))
+    def span(C: Colliders, S: Strands, T: Trial, W: Carried, margin: wp.float64, c: int, i: int, k: int):
+        found = Flanks()
+        half = wp.float64(0.5)
+        x0 = T.x[i, k] + S.origin[k]
+        x1 = T.x[i + 1, k] + S.origin[k]
+        ball = W.ball[c]
+        reach = wp.max(S.radius[i, k], S.radius[i + 1, k]) + C.thick[c] + margin
+        away = wp.length((x0 + x1) * half - wp.vec3d(ball[0], ball[1], ball[2])) - half * wp.length(x1 - x0)
+        if W.world[c] == W.strand[k] and away < ball[3] + reach:
+            back = wp.transform_inverse(W.pose1[c])
+            found = flanks(C, c, wp.transform_point(back, x0), wp.transform_point(back, x1), reach)
+            found.a.n = wp.transform_vector(W.pose1[c], found.a.n)
+            found.b.n = wp.transform_vector(W.pose1[c], found.b.n)
+        return found
 
-    return depth, stiffness
+    return depth, span
 
 
 @cache
 def nearing(kinds: tuple[str, ...], module: str):
-    """Kernels over points: whether a body may be met in a substep; in a world where one may, nothing carries on the step
-    before. word: 1 if there is such a world. kinds: as above."""
-    depth = meeting(kinds)[0]
+    """Kernels over points, and the edges behind them: whether a body may be met in a substep; in a world where one may, nothing
+    carries on the step before. word: 1 if there is such a world. kinds: as above."""
+    depth, span = meeting(kinds)
+
+    @wp.func
+    def went(W: Carried, c: int):
+        """Way of a shape in the substep, at most [m]."""
+        j = W.body[c]
+        turn = wp.quat_to_matrix(W.q1[j]) - wp.quat_to_matrix(W.q0[j])       # |(R1 - R0) r| <= |R1 - R0| |r|
+        return wp.length(W.c1[j] - W.c0[j]) + wp.sqrt(wp.ddot(turn, turn)) * W.size[c][3]
 
     @wp.kernel(module=module, enable_backward=False)
     def near_bodies(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, word: wp.array(dtype=int)):
@@ -128,19 +171,25 @@ def nearing(kinds: tuple[str, ...], module: str):
         i = p / m
         k = p - i * m
         B.many[p] = 0
-        B.N[p] = wp.float64(0.0)
-        B.s[p] = wp.vec3d()
+        B.push[p] = wp.vec3d()
+        for site in range(SITES):
+            B.N[p, site] = wp.float64(0.0)
+            B.s[p, site] = wp.vec3d()
         T.lift[i, k] = wp.vec3d()
         T.firm[i, k] = wp.mat33d()
+        T.bridge[i, k] = wp.mat33d()
         if i < S.points[k]:
-            way = wp.length(T.x[i, k] - Q.x[i, k]) + S.radius[i, k]
+            s = spot(S, Q, T, i, k, 0, wp.float64(0.0))
+            way = wp.length(s.way) + s.radius
             for c in range(W.body.shape[0]):
-                j = W.body[c]
-                turn = wp.quat_to_matrix(W.q1[j]) - wp.quat_to_matrix(W.q0[j])       # |(R1 - R0) r| <= |R1 - R0| |r|
-                went = wp.length(W.c1[j] - W.c0[j]) + wp.sqrt(wp.ddot(turn, turn)) * W.size[c][3]
-                margin = AHEAD * (way + went)
-                deep, n = depth(C, S, T, W, margin, c, i, k)
-                if deep > -margin:
+                margin = AHEAD * (way + went(W, c))
+                deep, n = depth(C, W, s, margin, c)
+                met = deep > -margin
+                if not met and i + 1 < S.points[k]:
+                    far = wp.max(way, wp.length(T.x[i + 1, k] - Q.x[i + 1, k]) + S.radius[i + 1, k])
+                    edge = span(C, S, T, W, AHEAD * (far + went(W, c)), c, i, k)
+                    met = edge.a.u + edge.b.u > wp.float64(0.0)
+                if met:
                     wp.atomic_max(B.near, W.strand[k], 1)
                     wp.atomic_max(word, 0, 1)
 
@@ -154,87 +203,3 @@ def nearing(kinds: tuple[str, ...], module: str):
             Q.begun[i, k] = 0
 
     return near_bodies, anew
-
-
-@cache
-def meet(kinds: tuple[str, ...], module: str):
-    """Kernel over points: contacts with bodies in the trial. full[0]: most contacts of a point, where there is no room for
-    them. kinds: as above."""
-    depth, stiffness = meeting(kinds)
-
-    @wp.func
-    def press(B: Borne, n: wp.vec3d, deep: wp.float64, k: wp.float64, p: int, j: int, w: wp.float64):
-        """A contact more of a point, as deep in body j, smooth within w: its normal force."""
-        e = wp.min(deep + w, w + w)
-        slope = k * e / (w + w)
-        N = slope * wp.float64(0.5) * e + k * wp.max(deep - w, wp.float64(0.0))
-        number = B.many[p]
-        B.many[p] = number + 1
-        if number < B.body.shape[1]:
-            B.body[p, number] = j
-            B.f[p, number] = n * N
-            B.K[p, number] = wp.outer(n, n) * slope
-        return N
-
-    @wp.func
-    def rubbed(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, to: Deepest, p: int):
-        """Friction of a point with the shape that it is deepest in."""
-        i = p / S.points.shape[0]
-        k = p - i * S.points.shape[0]
-        c = to.shape
-        n = to.n
-        j = W.body[c]
-        x = T.x[i, k] + S.origin[k]
-        q = wp.transform_point(wp.transform_inverse(W.pose1[c]), x)
-        slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(W.pose0[c], q))
-        load = wp.min(W.load[i, k], wp.float64(2.0) * B.N[p])
-        if load == wp.float64(0.0):
-            blow = wp.abs(wp.dot(n, Q.v[i, k] - (W.c1[j] - W.c0[j]) / W.h)) / W.h + wp.length(S.gravity[k])
-            load = wp.min(B.N[p], wp.float64(2.0) * S.m[i, k] * blow)
-        t = Touch()
-        t.f = B.f[p, to.number]
-        t.K = B.K[p, to.number]
-        t = rub(t, n, W.stick[i, k] + slid, load, stiffness(S, W, j, i, k), C.friction[c, k], wp.vec3d())
-        B.f[p, to.number] = t.f
-        B.K[p, to.number] = t.K
-        B.s[p] = t.s
-
-    @wp.kernel(module=module, enable_backward=False)
-    def meet_bodies(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, full: wp.array(dtype=int)):
-        p = wp.tid()
-        i = p / S.points.shape[0]
-        k = p - i * S.points.shape[0]
-        f = wp.vec3d()
-        K = wp.mat33d()
-        B.many[p] = 0
-        B.N[p] = wp.float64(0.0)
-        B.s[p] = wp.vec3d()
-        B.deep[p] = wp.float64(0.0)
-        if i < S.points[k] and B.near[W.strand[k]] == 1:
-            w = SOFT * S.radius[i, k]
-            to = Deepest()
-            for c in range(W.body.shape[0]):
-                deep, n = depth(C, S, T, W, w, c, i, k)
-                if deep > -w:
-                    number = B.many[p]
-                    j = W.body[c]
-                    N = press(B, n, deep, stiffness(S, W, j, i, k), p, j, w)
-                    if number < B.body.shape[1]:
-                        B.arm[p, number] = T.x[i, k] + S.origin[k] - (W.c1[j] + W.xi[j, 0])
-                    if N > B.N[p]:
-                        B.N[p] = N
-                        B.deep[p] = deep
-                        to.n = n
-                        to.shape = c
-                        to.number = number
-            if B.many[p] > B.body.shape[1]:
-                wp.atomic_max(full, 0, B.many[p])
-            elif B.N[p] > wp.float64(0.0):
-                rubbed(C, S, Q, T, W, B, to, p)
-            for number in range(wp.min(B.many[p], B.body.shape[1])):
-                f += B.f[p, number]
-                K += B.K[p, number]
-        T.lift[i, k] = f
-        T.firm[i, k] = K
-
-    return meet_bodies

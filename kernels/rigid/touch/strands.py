@@ -1,17 +1,17 @@
-"""Rigid bodies and points of strands, solved at once: Newton's system of the strands (kernels/rods/coupled.py) has the motion
-of every body that they touch among its unknowns. Their contacts: kernels/rigid/touch/strand_contacts.py.
+"""Rigid bodies and strands, solved at once: Newton's system of the strands (kernels/rods/coupled.py) has the motion of every
+body that they touch among its unknowns. Their contacts: kernels/rigid/touch/strand_forces.py.
 
 A body goes where its momentum leads it, and is moved from there by xi = (u [m], a [rad]) about its centre of mass; a place at
 the arm r from it by J xi = u + a x r. With the law of kernels/rods/contact.py, a force f on the point and K = -df/dx,
 
-    point     (A + K) z - K J zeta = f + ...            z, zeta: corrections of points and of bodies
+    point     (A + K) z - K J zeta = f + ...            z, zeta: corrections of points (in an edge: b . z) and of bodies
     body      (W + sum J^T K J) zeta - sum J^T K z = -W xi - sum J^T f,        W = (m, I) / h^2
 
 Bodies are eliminated: with D = W + sum J^T K J, zeta = D^-1 (b + sum J^T K z), and what is left of them among the points is
 K - K J D^-1 J^T K, which conjugate gradients take (kernels/rods/conjugate.py), in 6 rounds a body at most. What a body gets in
 the end is the momentum of how far it was moved, m u / h and I a / h: the sum of the linear equations that points were solved
-with, so that both together keep theirs, whatever Newton's method has left. Arms are those of the points, so that angular
-momentum is what points lose of theirs.
+with, so that both together keep theirs, whatever Newton's method has left. Arms are those of the points, or of the places
+within edges, so that angular momentum is what points lose of theirs.
 
 A drag c [1/s] of the body acts on what forces have given it since the substep began, whatever they are: a constant force leaves
 the part s = (1 - exp(-c h)) / (c h) of h times it, as weight does (`kicked`, kernels/rigid/motion.py). So W = (m / s, I / s') /
@@ -57,10 +57,14 @@ class Carried:
     pose1: wp.array(dtype=wp.transformd)
     ball: wp.array(dtype=wp.vec4d)                  # middle in the trial, radius [m]
     first: wp.array(dtype=int)                      # contacts of each body, and their number, (bodies + 1,)
-    slot: wp.array(dtype=int)                       # point * room + number of a contact
+    slot: wp.array(dtype=int)                       # row * room + number of a contact
     strand: wp.array(dtype=int)                     # world of a strand
     stick: wp.array2d(dtype=wp.vec3d)               # of points: bristle [m], normal force of the substep before [N]
     load: wp.array2d(dtype=wp.float64)
+    stick1: wp.array2d(dtype=wp.vec3d)              # of two places within the edges behind them likewise
+    load1: wp.array2d(dtype=wp.float64)
+    stick2: wp.array2d(dtype=wp.vec3d)
+    load2: wp.array2d(dtype=wp.float64)
 
 
 @wp.func
@@ -140,10 +144,16 @@ def bodily(module: str):
             c = W.slot[j] - point * room
             row = point / m
             k = point - row * m
+            at = B.u[point, c]
+            move = wp.vec3d()
             if S.hold[row, k] < 0:
-                f = B.K[point, c] * wp.vec3d(p[row, k][0], p[row, k][1], p[row, k][2])
-                u += f
-                a += wp.cross(B.arm[point, c], f)
+                move += wp.vec3d(p[row, k][0], p[row, k][1], p[row, k][2]) * (wp.float64(1.0) - at)
+            if at > wp.float64(0.0):
+                if S.hold[row + 1, k] < 0:
+                    move += wp.vec3d(p[row + 1, k][0], p[row + 1, k][1], p[row + 1, k][2]) * at
+            f = B.K[point, c] * move
+            u += f
+            a += wp.cross(B.arm[point, c], f)
         return u, a
 
     @wp.kernel(module=module, enable_backward=False)
@@ -188,8 +198,32 @@ def bodily(module: str):
 
 
 @cache
+def pushing(module: str):
+    """Kernel over points: forces of bodies that move by y, at their contacts and at those of the edges before them."""
+    @wp.func
+    def push(B: Borne, row: int, j: int):
+        body = B.body[row, j]
+        return B.K[row, j] * (B.y[body, 0] + wp.cross(B.y[body, 1], B.arm[row, j]))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def push_points(B: Borne, strands: int):
+        p = wp.tid()
+        f = wp.vec3d()
+        for j in range(wp.min(B.many[p], B.body.shape[1])):
+            f += push(B, p, j) * (wp.float64(1.0) - B.u[p, j])
+        before = p - strands
+        if before >= 0:
+            for j in range(wp.min(B.many[before], B.body.shape[1])):
+                if B.u[before, j] > wp.float64(0.0):
+                    f += push(B, before, j) * B.u[before, j]
+        B.push[p] = f
+
+    return push_points
+
+
+@cache
 def ends(real, module: str):
-    """Kernels: momenta of bodies that were moved, over bodies; bristles, over points."""
+    """Kernels: momenta of bodies that were moved, over bodies; bristles, over points and the edges behind them."""
     t, Rig = types(real), whole(real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -204,9 +238,15 @@ def ends(real, module: str):
         rig.work.touched[i] = 1
 
     @wp.kernel(module=module, enable_backward=False)
-    def cling_points(B: Borne, stick_out: wp.array(dtype=wp.vec3d), load_out: wp.array(dtype=wp.float64)):
+    def cling_points(B: Borne, W: Carried):
         p = wp.tid()
-        stick_out[p] = B.s[p]
-        load_out[p] = B.N[p]
+        i = p / W.strand.shape[0]
+        k = p - i * W.strand.shape[0]
+        W.stick[i, k] = B.s[p, 0]
+        W.load[i, k] = B.N[p, 0]
+        W.stick1[i, k] = B.s[p, 1]
+        W.load1[i, k] = B.N[p, 1]
+        W.stick2[i, k] = B.s[p, 2]
+        W.load2[i, k] = B.N[p, 2]
 
     return give_bodies, cling_points

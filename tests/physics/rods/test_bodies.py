@@ -76,12 +76,12 @@ def test_a_rod_is_carried_by_what_it_lies_on():
     assert seen[-1] == pytest.approx(M * v / (M + m.sum()), rel=1e-4)
 
 
-def lying(degrees: float, frames: int) -> float:
-    """Speed [m/s] of a box of 1 kg on two held rods which are tilted, friction 0.5, after so many frames."""
+def lying(degrees: float, frames: int, n: int = 41) -> float:
+    """Speed [m/s] of a box of 1 kg on two held rods of n points which are tilted, friction 0.5, after so many frames."""
     a = np.radians(degrees)
     scene = Scene(gravity=(G * np.sin(a), -G * np.cos(a), 0.0), fps=60.0, substeps=4)
-    rods = scene.add(Rods("/rails", np.concatenate([line(41, 1.0, 0.0, z) for z in (0.08, -0.08)]), [41, 41], THICK, young=1e9))
-    rods.pin("/held", np.arange(82))
+    rods = scene.add(Rods("/rails", np.concatenate([line(n, 1.0, 0.0, z) for z in (0.08, -0.08)]), [n, n], THICK, young=1e9))
+    rods.pin("/held", np.arange(2 * n))
     box(scene, "/box", (0.1, 0.02, 0.15), (0.0, 0.02 + 0.5 * THICK, 0.0), mass=1.0)
     simulation, _ = simulated(scene)
     simulation.run(frames)

@@ -3,7 +3,7 @@ which are those of the bodies (wsim/physics/rigid/touch/substeps.py). Equations:
 
 A substep of strands stands between the forces on bodies and the sweeps over their own contacts: what bears a body otherwise
 pushes it back there. Contacts of a point with bodies are counted; where there are more than there is room for, the frame is
-repeated with room.
+repeated with room. A point and the edge behind it share theirs.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import warp as wp
 
 from wsim.kernels.carrier import colour
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.touch import strand_contacts, strands
+from wsim.kernels.rigid.touch import strand_contacts, strand_forces, strands
 from wsim.kernels.rods.tables import Borne
 from wsim.model.stage import Remedy
 from wsim.model.state import Field
@@ -30,10 +30,12 @@ from wsim.scene.solids import Plane, row
 if TYPE_CHECKING:
     from wsim.physics.rods.together import Together
 
-CLING = (Field("cling", "m", True, "bristle of a point that touches a rigid body", "vec3d"),
-         Field("bears", "N", True, "normal force of a rigid body on it", "double"))
+CLING = tuple(field for key, site in (("", "a point"), ("1", "the first place within the edge behind it"),
+                                      ("2", "the second place there"))
+              for field in (Field(f"cling{key}", "m", True, f"bristle of {site} that touches a rigid body", "vec3d"),
+                            Field(f"bears{key}", "N", True, f"normal force of a rigid body on {site}", "double")))
 FULL = "rods on bodies"                # status word
-ROOM = 2                               # of contacts of a point, at first
+ROOM = 3                               # of contacts of a point and the edge behind it, at first
 
 
 def named(scene, real) -> str:
@@ -58,8 +60,10 @@ class Bodies:
         real, module = s.model.real, self.ground.module
         self.place, self.pose = strand_contacts.places(real, module)
         self.nearing, self.anew = strand_contacts.nearing(self.shapes.kinds, module)
-        self.meeting, self.keys = strand_contacts.meet(self.shapes.kinds, module), strands.keys(module)
+        self.meeting, self.gathering = strand_forces.meet(self.shapes.kinds, module)
+        self.keys = strands.keys(module)
         self.leaning, self.crossing, self.measuring, self.taking = strands.bodily(module)
+        self.pushing = strands.pushing(module)
         self.giving, self.cling = strands.ends(real, module)
         self.bounds = colour.bounds(module)
         self.depth = ROOM
@@ -78,20 +82,26 @@ class Bodies:
         self.carried = filled(
             strands.Carried, begin=up(self.rigid.origin, wp.vec3d), body=up(np.array([k for k, *_ in owners], np.int32), int),
             world=up(np.array([w for _, w, _ in owners], np.int32), int), place=up(places, wp.transformd),
-            size=up(balls, wp.vec4d), strand=self.together.group.world, stick=part["cling"].reshape(two),
-            load=part["bears"].reshape(two), m=zeros(wp.float64, n), J=zeros(wp.mat33d, n), first=zeros(int, n + 1),
-            ball=zeros(wp.vec4d, shapes), **{name: zeros(wp.vec3d, n) for name in ("c0", "c1")},
+            size=up(balls, wp.vec4d), strand=self.together.group.world, m=zeros(wp.float64, n), J=zeros(wp.mat33d, n),
+            first=zeros(int, n + 1), ball=zeros(wp.vec4d, shapes),
+            **{f"{name}{key}": part[f"{field}{key}"].reshape(two) for key in ("", "1", "2")
+               for name, field in (("stick", "cling"), ("load", "bears"))},
+            **{name: zeros(wp.vec3d, n) for name in ("c0", "c1")},
             **{name: zeros(wp.quatd, n) for name in ("q0", "q1")}, **{name: zeros(wp.mat33d, n) for name in ("P", "X", "H")},
             **{name: zeros(wp.vec3d, n, 2) for name in ("xi", "r", "z", "last")},
             **{name: zeros(wp.transformd, shapes) for name in ("pose0", "pose1")})
+        size = np.full(n, np.inf)
+        for (k, *_), ball in zip(owners, balls, strict=True):
+            size[k] = max(size[k], ball[3]) if np.isfinite(size[k]) else ball[3]
         first = np.searchsorted(worlds, np.arange(s.model.worlds + 1)).astype(np.int32)
-        points = self.ground.points
+        points, sites = self.ground.points, int(strand_contacts.SITES)
         self.borne = filled(
-            Borne, first=up(first, int), near=zeros(int, s.model.worlds), y=zeros(wp.vec3d, n, 2), many=zeros(int, points),
-            s=zeros(wp.vec3d, points), **{name: zeros(wp.float64, points) for name in ("N", "deep")},
+            Borne, first=up(first, int), size=up(size, wp.float64), near=zeros(int, s.model.worlds),
+            y=zeros(wp.vec3d, n, 2), many=zeros(int, points), push=zeros(wp.vec3d, points), s=zeros(wp.vec3d, points, sites),
+            **{name: zeros(wp.float64, points, sites) for name in ("N", "deep")},
             **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")})
         self.word = zeros(int, 1)
-        for name, kind in (("lift", wp.vec3d), ("firm", wp.mat33d)):
+        for name, kind in (("lift", wp.vec3d), ("firm", wp.mat33d), ("bridge", wp.mat33d)):
             setattr(s.trial, name, zeros(kind, *two))
 
     def _ball(self, k: int) -> tuple:
@@ -103,9 +113,9 @@ class Bodies:
         return (0.0, 0.0, 0.0, 1e9 if isinstance(shape, Plane) else row(shape).ball(shape))
 
     def room(self) -> None:
-        """Arrays of contacts, `depth` a point."""
+        """Arrays of contacts, `depth` of a point and the edge behind it."""
         points, B, W, device = self.ground.points, self.borne, self.carried, self.ground.device
-        for name, kind in (("body", int), ("arm", wp.vec3d), ("f", wp.vec3d), ("K", wp.mat33d)):
+        for name, kind in (("body", int), ("u", wp.float64), ("arm", wp.vec3d), ("f", wp.vec3d), ("K", wp.mat33d)):
             setattr(B, name, wp.zeros((points, self.depth), dtype=kind, device=device))
         self.count = points * self.depth
         self.numbers, W.slot = (wp.zeros(2 * self.count, dtype=int, device=device) for _ in range(2))
@@ -119,6 +129,11 @@ class Bodies:
     def over(self, kernel, *given) -> None:
         """Launches a kernel over bodies."""
         self.launch(kernel, len(self.rigid.bodies), list(given), [])
+
+    def moved(self, kernel, *given) -> None:
+        """Launches a kernel that moves bodies, and one of what that does to points."""
+        self.over(kernel, *given)
+        self.launch(self.pushing, self.ground.points, [self.borne, self.together.table.strands], [])
 
     def begin(self) -> None:
         """Where bodies are and go, and which worlds have one near a strand."""
@@ -140,8 +155,9 @@ class Bodies:
         wp.capture_if(self.word, self._meet)
 
     def _meet(self) -> None:
-        W, B, n = self.carried, self.borne, len(self.rigid.bodies)
+        t, W, B, n = self.together, self.carried, self.borne, len(self.rigid.bodies)
         self._points()
+        self.launch(self.gathering, self.ground.points, [t.strands.strands, W, B], [t.strands.trial])
         self.launch(self.keys, self.count, [B, n], [self.numbers, W.slot])
         wp.utils.radix_sort_pairs(self.numbers, W.slot, self.count)
         self.launch(self.bounds, n + 1, [self.numbers, self.count], [W.first])
@@ -153,12 +169,12 @@ class Bodies:
 
     def lean(self) -> None:
         """Systems of bodies."""
-        wp.capture_if(self.word, lambda: self.over(self.leaning, self.carried, self.borne, self.together.words))
+        wp.capture_if(self.word, lambda: self.moved(self.leaning, self.carried, self.borne, self.together.words))
 
     def cross(self) -> None:
         """What bodies give way as points are moved by G.p."""
         t = self.together
-        wp.capture_if(self.word, lambda: self.over(self.crossing, t.strands.strands, t.group, self.carried, self.borne))
+        wp.capture_if(self.word, lambda: self.moved(self.crossing, t.strands.strands, t.group, self.carried, self.borne))
 
     def measure(self) -> None:
         """Corrections of bodies."""
@@ -177,10 +193,9 @@ class Bodies:
         wp.capture_if(self.word, lambda: self.over(self.giving, self.carried, self.rigid.contacts.rig()))
 
     def hold(self) -> None:
-        """What points remember of a substep."""
+        """What points and edges remember of a substep."""
         wp.capture_if(self.word, self._points)
-        part = self.together.strands.part.arrays
-        self.launch(self.cling, self.ground.points, [self.borne], [part["cling"], part["bears"]])
+        self.launch(self.cling, self.ground.points, [self.borne, self.carried], [])
 
     # around a frame
 
@@ -190,10 +205,10 @@ class Bodies:
         def more() -> str:
             self.depth = wanted + 1
             self.room()
-            return f"{wanted} rigid bodies touched a point of rods, more than there was room for"
+            return f"{wanted} rigid bodies touched a point of rods or the edge behind it, more than there was room for"
         return [Remedy("grow", more)] if wanted > self.depth else []
 
     def indicators(self) -> dict[str, float]:
-        """Points that press a rigid body where the last substep ended, and how deep they are in it [m]."""
+        """Points and edges that press a rigid body where the last substep ended, and how deep they are in it [m]."""
         N, deep = self.borne.N.numpy(), self.borne.deep.numpy()
         return {"rod_bodies": float(np.count_nonzero(N)), "rod_body_depth": float(deep.max(initial=0.0))}

@@ -7,13 +7,15 @@ from math import floor
 import numpy as np
 
 from wsim.physics.rods.objects import LEAST, Rods
-from wsim.scene import Motion, Problem, Scene, Surface
+from wsim.scene import Collider, Motion, Problem, Scene, Surface
 from wsim.scene.check.objects import NEAR, error, number, three_digits, warning
 
 STOUT = 1.0           # length over diameter of an edge below which a strand is no thin rod
 ACROSS = 1e-5         # sine of the angle to its edge below which rounding of float32 says where a director points
 AUTHORED = {"directors": "directors (of curves: normals)", "rest_directors": "rest_directors (of curves: physics:restNormals)",
             "rest_points": "rest_points (of curves: physics:restShapePoints)"}
+PLACES = 63           # of an edge where it may begin in a body
+SEEN = 4096           # edges near a body, evenly chosen, at most
 
 
 def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
@@ -55,19 +57,17 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
 
 
 def _passed(rods: Rods, scene: Scene) -> Iterator[Problem]:
-    """Colliders and rigid bodies that pass between the points of strands, which alone meet them."""
-    if not scene.colliders and not scene.things("Body"):
+    """Colliders that pass between the points of strands, which alone meet them."""
+    if not scene.colliders:
         return
-    from wsim.physics.rigid.solids import met_by_strands
     from wsim.scene.check.narrow import half_width
     length, radius = _lengths(rods), 0.5 * float(np.max(rods.diameters))
     k = int(np.argmax(np.where(np.isfinite(length), length, 0.0)))
-    solids = [*scene.colliders, *(c for _, colliders in met_by_strands(scene) for c in colliders)]
-    widths = [2.0 * (half_width(c, length[k]) + radius + (c.thickness or 0.0)) for c in solids]
-    if (found := [c.path for c, width in zip(solids, widths, strict=True) if width < length[k]]):
+    widths = [2.0 * (half_width(c, length[k]) + radius + (c.thickness or 0.0)) for c in scene.colliders]
+    if (found := [c.path for c, width in zip(scene.colliders, widths, strict=True) if width < length[k]]):
         narrow = min(widths)
-        yield warning(rods.path, f"points {k} and {k + 1} are {length[k]:.3g} m apart, and strands meet colliders and rigid "
-                      f"bodies by their points: where these are as narrow as {narrow:.3g} m with the strand they pass between, "
+        yield warning(rods.path, f"points {k} and {k + 1} are {length[k]:.3g} m apart, and strands meet colliders "
+                      f"by their points: where these are as narrow as {narrow:.3g} m with the strand they pass between, "
                       f"such as {', '.join(found[:3])}{', ...' * (len(found) > 3)}", f"points less than {narrow:.3g} m apart",
                       "give the curves more points, or the collider a wsim:thickness")
 
@@ -84,12 +84,34 @@ def _bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:
     for body in scene.things("Body"):
         for c in found.get(body.path, ()):
             where = replace(c, motion=Motion.still(body.motion.at(0.0) @ c.motion.at(0.0)))
-            depth = -distance(where, x, 0.0)
-            if (depth > 0.0).any():
-                k = int(np.argmax(depth))
-                yield warning(rods.path, f"{np.count_nonzero(depth > 0.0)} points begin inside of {c.path}, the deepest, {k}, "
-                              f"by {depth[k]:.3g} m: the first substep throws them out, and {body.path} the other way",
-                              "strands beside it", "move one of both")
+            deep = -distance(where, x, 0.0)
+            for what, depth in (("points", deep), ("edges, between their points,", _within(rods, where, x, deep))):
+                if (depth > 0.0).any():
+                    k = int(np.argmax(depth))
+                    yield warning(rods.path, f"{np.count_nonzero(depth > 0.0)} {what} begin inside of {c.path}, the deepest, "
+                                  f"{k}, by {depth[k]:.3g} m: the first substep throws them out, and {body.path} the other way",
+                                  "strands beside it", "move one of both")
+
+
+def _within(rods: Rods, c: Collider, x: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """How deep [m] edges are in a collider whose points x are not, at `PLACES` of them; 0 of others."""
+    from wsim.scene.check.signed_distance import distance
+    found = np.zeros(len(x))
+    own = (depth[:-1] <= 0.0) & (depth[1:] <= 0.0)
+    own[np.cumsum(rods.counts)[:-1] - 1] = False
+    k, d = np.flatnonzero(own), np.diff(x, axis=0)
+    if isinstance(c.shape, Surface):
+        M, points = c.motion.at(0.0), c.shape.points if c.shape.poses is None else c.shape.poses.at(0.0)
+        center = points.mean(axis=0)
+        away = np.linalg.norm(x[k] + 0.5 * d[k] - M[:3, :3] @ center - M[:3, 3], axis=1) - np.linalg.norm(
+            points - center, axis=1).max()
+    else:
+        away = distance(c, x[k] + 0.5 * d[k], 0.0)
+    k = k[away < 0.5 * np.linalg.norm(d[k], axis=1)]
+    k = k[::max(1, -(-len(k) // SEEN))]
+    u = np.arange(1, PLACES + 1)[:, None, None] / (PLACES + 1.0)
+    found[k] = -distance(c, (x[k] + u * d[k]).reshape(-1, 3), 0.0).reshape(PLACES, len(k)).min(axis=0)
+    return np.maximum(found, 0.0)
 
 
 def _arrays(rods: Rods) -> Iterator[Problem]:

@@ -1,0 +1,184 @@
+"""Forces of rigid bodies on strands, on their points by the law of kernels/rods/contact.py, and within their edges by that of
+kernels/rigid/touch/flanks.py. What bodies then do: kernels/rigid/touch/strands.py.
+
+    k = max(STIFF m / h^2, FIRM A, min(M / h^2, A))      M: of the body, A: E A over the edge's length; what lies on a rope
+                                                         sinks by g h^2 / n on n points, or by its strain, in edges
+
+A force f at x_u = (1 - u) x_i + u x_i+1 is (1 - u) f and u f on the points of the edge, and -f on the body at the arm of x_u;
+its stiffness b b^T K, b = (1 - u, u). A point has u = 0, and a row that it shares with the edge behind it: three sites, the
+point and two places within the edge. The friction of each is with the body that it is deepest in.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.rigid.touch.flanks import Flank, beneath
+from wsim.kernels.rigid.touch.strand_contacts import SITES, Spot, meeting, spot
+from wsim.kernels.rigid.touch.strands import Carried
+from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, rub
+from wsim.kernels.rods.contact import press as pressing
+from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
+
+
+@wp.struct
+class Deepest:
+    """The contact of a site that is deepest: shape, number in its row, normal, u."""
+
+    shape: int
+    number: int
+    n: wp.vec3d
+    u: wp.float64
+
+
+@wp.func
+def stiffness(W: Carried, j: int, s: Spot):
+    """k, see above, of a place in body j [N/m]."""
+    hh = W.h * W.h
+    return wp.max(wp.max(STIFF * s.m / hh, FIRM * s.A), wp.min(W.m[j] / hh, s.A))
+
+
+@wp.func
+def press(W: Carried, B: Borne, to: Deepest, s: Spot, n: wp.vec3d, deep: wp.float64, c: int):
+    """A contact more of a place, so deep in shape c: the deepest one."""
+    j = W.body[c]
+    p = s.i * W.strand.shape[0] + s.k
+    N, slope = pressing(stiffness(W, j, s), SOFT * s.radius, deep)
+    number = B.many[p]
+    B.many[p] = number + 1
+    if number < B.body.shape[1]:
+        B.body[p, number] = j
+        B.u[p, number] = s.u
+        B.f[p, number] = n * N
+        B.K[p, number] = wp.outer(n, n) * slope
+        B.arm[p, number] = s.x - (W.c1[j] + W.xi[j, 0])
+    if N > B.N[p, s.site]:
+        B.N[p, s.site] = N
+        B.deep[p, s.site] = deep
+        to.n = n
+        to.shape = c
+        to.number = number
+        to.u = s.u
+    return to
+
+
+@wp.func
+def rubbed(C: Colliders, S: Strands, W: Carried, B: Borne, to: Deepest, s: Spot):
+    """Friction of a place with the shape that it is deepest in."""
+    two = wp.float64(2.0)
+    p = s.i * W.strand.shape[0] + s.k
+    c = to.shape
+    j = W.body[c]
+    q = wp.transform_point(wp.transform_inverse(W.pose1[c]), s.x)
+    slid = s.way - (s.x - wp.transform_point(W.pose0[c], q))
+    stick = W.stick[s.i, s.k]
+    load = W.load[s.i, s.k]
+    if s.site == 1:
+        stick = W.stick1[s.i, s.k]
+        load = W.load1[s.i, s.k]
+    elif s.site == 2:
+        stick = W.stick2[s.i, s.k]
+        load = W.load2[s.i, s.k]
+    N = B.N[p, s.site]
+    load = wp.min(load, two * N)
+    if load == wp.float64(0.0):
+        blow = wp.abs(wp.dot(to.n, s.v - (W.c1[j] - W.c0[j]) / W.h)) / W.h + wp.length(S.gravity[s.k])
+        load = wp.min(N, two * s.m * blow)
+    t = Touch()
+    t.f = B.f[p, to.number]
+    t.K = B.K[p, to.number]
+    t = rub(t, to.n, stick + slid, load, stiffness(W, j, s), C.friction[c, s.k], wp.vec3d())
+    B.f[p, to.number] = t.f
+    B.K[p, to.number] = t.K
+    B.s[p, s.site] = t.s
+
+
+@cache
+def meet(kinds: tuple[str, ...], module: str):
+    """Kernels over points, and the edges behind them: contacts with bodies in the trial; what they come to on points. full[0]:
+    most contacts of a point and its edge, where there is no room for them. kinds: of shapes, which C has as colliders without
+    frames."""
+    depth, span = meeting(kinds)
+
+    @wp.func
+    def meet_point(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, i: int, k: int):
+        to = Deepest()
+        s = spot(S, Q, T, i, k, 0, wp.float64(0.0))
+        w = SOFT * s.radius
+        for c in range(W.body.shape[0]):
+            deep, n = depth(C, W, s, w, c)
+            if deep > -w:
+                to = press(W, B, to, s, n, deep, c)
+        p = i * S.points.shape[0] + k
+        if B.N[p, 0] > wp.float64(0.0) and B.many[p] <= B.body.shape[1]:
+            rubbed(C, S, W, B, to, s)
+
+    @wp.func
+    def meet_place(C: Colliders, W: Carried, B: Borne, to: Deepest, s: Spot, at: Flank, ends: wp.float64, c: int):
+        w = SOFT * s.radius
+        deep = beneath(at.phi, ends, s.radius + C.thick[c], w)
+        if at.u > wp.float64(0.0) and deep > -w:
+            to = press(W, B, to, s, at.n, deep, c)
+        return to
+
+    @wp.func
+    def meet_edge(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, i: int, k: int):
+        a = Deepest()
+        b = Deepest()
+        thick = wp.max(S.radius[i, k], S.radius[i + 1, k])
+        for c in range(W.body.shape[0]):
+            to = span(C, S, T, W, SOFT * thick, c, i, k)
+            a = meet_place(C, W, B, a, spot(S, Q, T, i, k, 1, to.a.u), to.a, to.ends, c)
+            b = meet_place(C, W, B, b, spot(S, Q, T, i, k, 2, to.b.u), to.b, to.ends, c)
+        p = i * S.points.shape[0] + k
+        if B.many[p] <= B.body.shape[1]:
+            if B.N[p, 1] > wp.float64(0.0):
+                rubbed(C, S, W, B, a, spot(S, Q, T, i, k, 1, a.u))
+            if B.N[p, 2] > wp.float64(0.0):
+                rubbed(C, S, W, B, b, spot(S, Q, T, i, k, 2, b.u))
+
+    @wp.kernel(module=module, enable_backward=False)
+    def meet_bodies(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, full: wp.array(dtype=int)):
+        p = wp.tid()
+        i = p / S.points.shape[0]
+        k = p - i * S.points.shape[0]
+        B.many[p] = 0
+        for site in range(SITES):
+            B.N[p, site] = wp.float64(0.0)
+            B.s[p, site] = wp.vec3d()
+            B.deep[p, site] = wp.float64(0.0)
+        if i < S.points[k] and B.near[W.strand[k]] == 1:
+            meet_point(C, S, Q, T, W, B, i, k)
+            if i + 1 < S.points[k]:
+                meet_edge(C, S, Q, T, W, B, i, k)
+            if B.many[p] > B.body.shape[1]:
+                wp.atomic_max(full, 0, B.many[p])
+
+    @wp.kernel(module=module, enable_backward=False)
+    def gather_bodies(S: Strands, W: Carried, B: Borne, T: Trial):
+        p = wp.tid()
+        m = S.points.shape[0]
+        i = p / m
+        k = p - i * m
+        one = wp.float64(1.0)
+        f = wp.vec3d()
+        K = wp.mat33d()
+        X = wp.mat33d()
+        if i < S.points[k] and B.near[W.strand[k]] == 1:
+            for j in range(wp.min(B.many[p], B.body.shape[1])):
+                u = B.u[p, j]
+                f += B.f[p, j] * (one - u)
+                K += B.K[p, j] * ((one - u) * (one - u))
+                if u > wp.float64(0.0):
+                    if S.hold[i, k] < 0 and S.hold[i + 1, k] < 0:
+                        X += B.K[p, j] * (u * (one - u))
+            if i > 0:
+                for j in range(wp.min(B.many[p - m], B.body.shape[1])):
+                    u = B.u[p - m, j]
+                    f += B.f[p - m, j] * u
+                    K += B.K[p - m, j] * (u * u)
+        T.lift[i, k] = f
+        T.firm[i, k] = K
+        T.bridge[i, k] = X
+
+    return meet_bodies, gather_bodies
