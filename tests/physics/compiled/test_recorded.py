@@ -50,7 +50,7 @@ class Setting:
         kernel_cache.load(mixed.module, wp.get_device("cpu"))
 
     def launch(self, **more):
-        wp.launch(mixed, 4, [True, 200, self.o, self.w, self.on, wp.float16(0.5), 7], device="cpu", **more)
+        recorded.launch(mixed, 4, [True, 200, self.o, self.w, self.on, wp.float16(0.5), 7], [], device="cpu", **more)
 
     @property
     def wanted(self) -> np.ndarray:
@@ -74,15 +74,16 @@ def test_arguments_of_all_sizes_are_where_a_kernel_looks_for_them():
     np.testing.assert_allclose(s.o.out.numpy() - before, 0.1 * (2.0 * s.x + 1.0), atol=1e-12)
 
 
-def test_a_backward_pass_is_recorded():
-    """d(much x^2)/dx = 2 much x, exact to rounding."""
+def test_a_backward_pass_is_recorded_and_is_so_again():
+    """d(much x^2)/dx = 2 much x, exact to rounding; two launches add."""
     s = Setting()
-    s.o.out.grad.fill_(1.0)
     with kernel_cache.capture("cpu") as capture:
-        s.launch(adj_inputs=[None, None, s.o, None, s.on.grad, None, None], adjoint=True)
+        for _ in range(2):
+            s.o.out.grad.fill_(1.0)                              # a backward pass takes what it reads
+            s.launch(adj_inputs=[None, None, s.o, None, s.on.grad, None, None], adjoint=True)
     assert light(capture.graph)
     wp.capture_launch(capture.graph)
-    np.testing.assert_allclose(s.on.grad.numpy(), 0.2 * s.x, rtol=1e-15)
+    np.testing.assert_allclose(s.on.grad.numpy(), 0.4 * s.x, rtol=1e-15)
 
 
 def test_what_a_graph_writes_outlives_every_other_reference_to_it():
@@ -113,6 +114,20 @@ def test_a_member_set_between_two_launches_is_the_second_ones():
     wp.capture_launch(capture.graph)
     np.testing.assert_allclose(first.numpy(), s.wanted, rtol=1e-6)
     np.testing.assert_allclose(s.o.out.numpy() - first.numpy(), 0.1 * s.x**2, atol=1e-12)
+
+
+def test_a_launch_of_a_known_kernel_is_as_strict_as_the_first_and_one_of_no_thread_is_none():
+    s = Setting()
+    with kernel_cache.capture("cpu"):
+        s.launch()
+        recording = wp._src.context.runtime._apic_capture
+        for threads, x, n, words in ((4, s.o.inner.a, 7, "dtype"), (4, s.on, "seven", "pack"), (-1, s.on, 7, "non-negative")):
+            with pytest.raises((RuntimeError, ValueError), match=words):
+                recorded.launch(mixed, threads, [True, 200, s.o, s.w, x, wp.float16(0.5), n], [], device="cpu")
+        with pytest.raises(RuntimeError, match="passed 1 arguments"):
+            recorded.launch(mixed, 4, [True], [], device="cpu")
+        recorded.launch(mixed, 0, [True, 200, s.o, s.w, s.on, wp.float16(0.5), 7], [], device="cpu")
+        assert recording.operation_count == 1
 
 
 @pytest.mark.parametrize("solver", ["xpbd", "implicit", "explicit"])

@@ -8,8 +8,9 @@ hold the pointers already. Here a launch is recorded as those bytes, with no poi
     kept      Warp keeps the allocations that it has written down, so that none is freed before the graph: arrays of the
               arguments, those in structs, and their gradients are kept here likewise
     form      what is the same for all launches of a kernel: names, and where each argument begins
+    known     kernels that were launched before in this capture, which `launch` does not look up again
 
-Where Warp has other structs or arguments than those known here, it records as ever.
+Where Warp has other structs, arguments or functions than those known here, it records as ever.
 """
 
 import ctypes
@@ -18,75 +19,128 @@ from functools import cache
 from typing import Any
 
 import warp as wp
+from warp._src import context
+from warp._src.codegen import Struct, StructInstance
 
 INFO = ("kernel_key", "module_hash", "is_forward", "_pad", "params", "num_params", "kernel_dim", "value_data_size",
         "value_data", "adj_params", "num_relocs", "_pad2", "relocs")
 PARAMETER = ("param_index", "num_relocs", "value_offset", "value_size", "value_align")
 ARGUMENTS = ("self", "kernel", "module_exec", "hooks", "params", "fwd_args", "adjoint", "adj_args")
-
-
-def lighten() -> None:
-    """Lets the capture of a CPU that has begun record arguments as bytes."""
-    capture = getattr(wp._src.context.runtime, "_apic_capture", None)
-    found = lean() if capture is not None else None
-    if found and type(capture) is found.__base__ and capture.device.is_cpu and not capture.apic_savable:
-        capture.__class__, capture.kept, capture.structs, capture.forms = found, {}, {}, {}
+CALLED = ("pack_arg", "_normalize_launch_dim", "_validate_kernel_tid_extents", "_build_launch_bounds_from_tuple")
+BACK = frozenset(("adjoint", "adj_inputs", "adj_outputs"))         # words of a launch of an adjoint
 
 
 @cache
 def lean() -> type | None:
-    """A class of captures of the installed Warp that records so; None: it is not as known here."""
+    """A class of captures of the installed Warp that records so; None: Warp is not as known here."""
     try:
-        from warp._src.apic import types
-        from warp._src.apic.capture import APICapture
-        from warp._src.codegen import StructInstance
-        known = (tuple(name for name, _ in types.APICLaunchInfo._fields_) == INFO
-                 and tuple(name for name, _ in types.APICLaunchParamRecord._fields_) == PARAMETER
-                 and tuple(inspect.signature(APICapture.build_launch_info).parameters) == ARGUMENTS)
+        from warp._src.apic import capture, types
+        known = (tuple(field[0] for field in types.APICLaunchInfo._fields_) == INFO
+                 and tuple(field[0] for field in types.APICLaunchParamRecord._fields_) == PARAMETER
+                 and tuple(inspect.signature(capture.APICapture.build_launch_info).parameters) == ARGUMENTS
+                 and all(hasattr(context, name) for name in CALLED))
     except (ImportError, AttributeError, ValueError):
         return None
-    if not known:
-        return None
+    return type("Lean", (Lean, capture.APICapture), {"types": types}) if known else None
 
-    class Lean(APICapture):
-        kept: dict[int, Any]                     # arrays that must outlive the graph, by address
-        structs: dict[tuple, tuple]              # as well: (values, those that are structs) of each, by addresses of values
-        forms: dict[tuple, tuple]
 
-        def build_launch_info(self, kernel, module_exec, hooks, params, fwd_args, adjoint, adj_args=None):
-            """As of Warp: what its library is to append to the graph, which it copies at once."""
-            key = kernel, module_exec, adjoint, tuple(map(type, params))
-            form = self.forms.get(key)
-            if form is None:
-                form = self.forms[key] = launch_form(types, *key)
-            info, place = form[:2]
-            data = b"".join(params[1:])
-            ctypes.memmove(place, data, len(data))
-            self.keep(fwd_args)
-            if adjoint:
-                self.keep(adj_args)
-            return info
+def lighten() -> None:
+    """Lets the capture of a CPU that has begun record arguments as bytes."""
+    capture: Any = getattr(context.runtime, "_apic_capture", None)
+    found = lean() if capture is not None else None
+    if found and type(capture) is found.__mro__[2] and capture.device.is_cpu and not capture.apic_savable:
+        capture.__class__ = found
+        capture.kept, capture.structs, capture.forms, capture.known, capture.bounds = {}, {}, {}, {}, {}
 
-        def keep(self, values) -> None:
-            for value in values:
-                if isinstance(value, StructInstance):
-                    self.keep_struct(value)
-                elif not isinstance(value, (int, float)):
-                    self.kept[id(value)] = value
-                    grad = getattr(value, "grad", None)
-                    if grad is not None:
-                        self.kept[id(grad)] = grad
 
-        def keep_struct(self, struct) -> None:
-            values = tuple(struct.__dict__.values())
-            of = tuple(map(id, values))
-            found = self.structs.get(of)
-            if found is None:
-                found = self.structs[of] = values, [value for value in values if isinstance(value, StructInstance)]
-                self.keep(value for value in values if isinstance(value, wp.array))
-            for value in found[1]:
+def launch(kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, device=None, **how) -> None:
+    """Launches a kernel as `wp.launch`. In a capture of a CPU it is recorded without a look where it was launched before."""
+    capture = getattr(context.runtime, "_apic_capture", None)
+    if not isinstance(capture, Lean) or not capture.again(kernel, dim, [*inputs, *outputs], device, how):
+        wp.launch(kernel, dim, inputs, outputs, device=device, **how)
+
+
+class Lean:
+    """Captures of Warp with another record of launches."""
+
+    device: Any
+    runtime: Any
+    types: Any                               # module of structs
+    kept: dict[int, Any]                     # arrays that must outlive the graph, by address
+    structs: dict[tuple, tuple]              # as well: (values, those that are structs) of each, by addresses of values
+    forms: dict[tuple, tuple]
+    known: dict[tuple, tuple]                # (executable, hooks, function) of a kernel, and whether of its adjoint
+    bounds: dict[tuple, Any]                 # of launches, by threads and dimensions
+
+    def build_launch_info(self, kernel, module_exec, hooks, params, fwd_args, adjoint, adj_args=None):
+        """As of Warp: what its library is to append to the graph, which it copies at once."""
+        key = kernel, module_exec, adjoint, tuple(map(type, params))
+        form = self.forms.get(key)
+        if form is None:
+            form = self.forms[key] = launch_form(self.types, *key)
+            function = hooks.backward if adjoint else hooks.forward
+            self.known[kernel, adjoint] = module_exec, hooks, ctypes.cast(function, ctypes.c_void_p)
+        info, place = form[:2]
+        data = b"".join(params[1:])
+        ctypes.memmove(place, data, len(data))
+        self.keep(fwd_args)
+        if adjoint:
+            self.keep(adj_args)
+        return info
+
+    def again(self, kernel, dim: int | tuple[int, ...], values: list, device, how: dict) -> bool:
+        """Records a launch of a kernel that this capture knows. False: nothing is recorded, and Warp is to launch it."""
+        adjoint = how.get("adjoint", False)
+        found, count = self.known.get((kernel, adjoint)), len(kernel.adj.args)
+        back = [*how.get("adj_inputs", ()), *how.get("adj_outputs", ())]
+        there = device is self.device or wp.get_device(device) == self.device
+        if (found is None or len(values) != count or len(back) != adjoint * count or how.keys() - BACK or not there
+                or self.runtime.tape or wp.config.print_launches
+                or wp.config.launch_array_access_mode != wp.config.LaunchArrayAccessMode.RELAXED):
+            return False
+        bounds = self.bounds.get((dim, kernel.adj.kernel_dim)) or self.bound(kernel, dim)
+        if not bounds:
+            return False
+        executable, hooks, function = found
+        params = [bounds, *self.packed(kernel, values, False), *self.packed(kernel, back, True)]
+        info = self.build_launch_info(kernel, executable, hooks, params, values, adjoint, back)
+        self.runtime.core.wp_cpu_launch_kernel(function, ctypes.byref(bounds), None, None, ctypes.byref(info))
+        return True
+
+    def bound(self, kernel, dim: int | tuple[int, ...]):
+        """Bounds of launches of so many threads; None: of no thread."""
+        dimensions, (extents, threads) = kernel.adj.kernel_dim, context._normalize_launch_dim(dim)
+        if not threads:
+            return None
+        context._validate_kernel_tid_extents(kernel, extents, threads, 1)
+        found = self.bounds[dim, dimensions] = context._build_launch_bounds_from_tuple(extents, dimensions)
+        return found
+
+    def packed(self, kernel, values: list, adjoint: bool) -> list:
+        """Values as a kernel takes them."""
+        return [value.__ctype__() if isinstance(value, StructInstance) and isinstance(argument.type, Struct) else
+                context.pack_arg(kernel, argument.type, argument.label, value, self.device, adjoint)
+                for argument, value in zip(kernel.adj.args, values, strict=False)]
+
+    def keep(self, values) -> None:
+        for value in values:
+            if isinstance(value, StructInstance):
                 self.keep_struct(value)
-    return Lean
+            elif not isinstance(value, (int, float)):
+                self.kept[id(value)] = value
+                grad = getattr(value, "grad", None)
+                if grad is not None:
+                    self.kept[id(grad)] = grad
+
+    def keep_struct(self, struct) -> None:
+        values = tuple(struct.__dict__.values())
+        of = tuple(map(id, values))
+        found = self.structs.get(of)
+        if found is None:
+            found = self.structs[of] = values, [value for value in values if isinstance(value, StructInstance)]
+            self.keep(value for value in values if isinstance(value, wp.array))
+        for value in found[1]:
+            self.keep_struct(value)
 
 
 def launch_form(types, kernel, module_exec, adjoint: bool, kinds: tuple[type, ...]) -> tuple:
