@@ -47,7 +47,7 @@ def lean() -> type | None:
 def lighten() -> None:
     """Lets the capture of a CPU that has begun record arguments as bytes."""
     capture: Any = getattr(context.runtime, "_apic_capture", None)
-    found = lean() if capture is not None else None
+    found: Any = lean() if capture is not None else None
     if found and type(capture) is found.__mro__[2] and capture.device.is_cpu and not capture.apic_savable:
         capture.__class__ = found
         capture.kept, capture.structs, capture.forms, capture.known, capture.bounds = {}, {}, {}, {}, {}
