@@ -67,7 +67,7 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("simulation.measure", "indicators exceeded") | room("scene.nodal", "masses separate")
        | room("scene", "integrator methods samples")
        | room("model", "stage state status model midnodes launches kernel_cache structs vjp")
-       | room("model.compiler", "variants source header")
+       | room("model.compiler", "variants source header recorded")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")
