@@ -16,6 +16,7 @@ class Launches:
     """Launches of a model's kernels."""
 
     module: str
+    step: str
     modules: dict[str, int]
     device: Any
     tape: Any
@@ -62,6 +63,11 @@ class Launches:
     def sweep_module(self) -> str:
         """Module of kernels that a block runs by itself. CUDA compiles a module for each block size, so they stand apart."""
         return f"{self.module}_sweep" if self.device.is_cuda else self.module
+
+    @property
+    def step_modules(self) -> tuple[str, str]:
+        """Modules of kernels of a Newton step, and of those of them that a block runs by itself."""
+        return (self.step, self.step) if self.step else (self.module, self.sweep_module)
 
     def sweep(self, kernel, inputs: list, outputs: list, blocks: int = 1) -> None:
         """Launches a kernel of one block, or of so many that do not meet; on the CPU of a thread for each."""
