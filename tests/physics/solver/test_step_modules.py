@@ -1,5 +1,7 @@
 """Kernels of a Newton step are compiled once for all scenes of a CPU whose forces are of the same kinds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -30,8 +32,10 @@ def kernels(module: str) -> set[str]:
     return set(wp.get_module(module).kernels)
 
 
-def with_bar(scene: Scene) -> Scene:
+def with_bar(scene: Scene, **more) -> Scene:
+    """more: of the bar's material."""
     soft = bar()
+    soft.softs[0].material = replace(soft.softs[0].material, **more)
     scene.softs, scene.pins = soft.softs, scene.pins + soft.pins
     return scene
 
@@ -62,6 +66,11 @@ def test_what_needs_other_kernels_has_another_module():
     ways = (dict(), dict(model="springs"), dict(bend=0.0))
     assert len({made(sheet(**way)).model.step for way in ways}) == 3
     assert made(sheet(), precision="float64").model.step != made(sheet()).model.step
+    bars = [made(with_bar(sheet(), **material)) for material in (dict(), dict(damping=1e-3), dict(model="neo_hookean"))]
+    assert len({sim.model.step for sim in bars}) == 3
+    for sim in bars:
+        assert [sum(word in k for k in kernels(name)) for name in (sim.model.module, sim.model.step)
+                for word in ("fem_linearise", "fem_change")] == [0, 0, 1, 1]
 
 
 def test_another_scene_finds_what_the_first_has_loaded():

@@ -74,8 +74,8 @@ class Assembly:
         if not (coarse or self.springs or model.gradients) and self.elements:
             schwarz, said = domains(model, h)
             self.why += said
-        model.step = module_of(model, [*self.tables, *("solids" for _ in self.solids[:1]), *("coarse" for _ in coarse[:1]),
-                                       *("schwarz" for _ in range(schwarz))])
+        solids = [s.name.replace(" ", "_") + "_damped" * s.damped for s in self.solids]
+        model.step = module_of(model, [*self.tables, *solids, *["coarse"] * bool(coarse), *["schwarz"] * schwarz])
         self.bending = bending_of(model, self.of(SHEET))
         self.system = linear.System(model, points.constants.w, self.ids(SPRINGS, 2), self.ids(SHEET, 4),
                                     [table.ids for table in (*self.of(CORNERS), *self.solids)], coarse,
