@@ -29,7 +29,7 @@ for path in sys.argv[1:]:
     sim = Simulation(load(path), device="cpu")
     sim.step()
     name = sim.model.module
-    modules = [wp.get_module(n) for n in {name, getattr(sim.model, "sweep_module", name), name + "_apart"}]
+    modules = [wp.get_module(n) for n in {name, sim.model.sweep_module, sim.model.step or name, name + "_apart"}]
     kernels = [k for m in modules for k in m.kernels.values()]
     adjoint = [k.key for k in kernels if k.options.get("enable_backward", k.module.options["enable_backward"])]
     print(json.dumps({"kernels": sorted(k.key for k in kernels), "adjoint": adjoint,
