@@ -77,7 +77,15 @@ def parsed(text: str) -> ast.Module:
 @cache
 def nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
     """What several rules walk through: walking is what the rules cost."""
-    return tuple(ast.walk(tree))
+    found: list[ast.AST] = [tree]
+    for node in found:                      # which grows; ast.walk asks each child for its kind once more
+        for name in node._fields:
+            value = getattr(node, name, None)
+            if isinstance(value, list):
+                found += [item for item in value if isinstance(item, ast.AST)]
+            elif isinstance(value, ast.AST):
+                found.append(value)
+    return tuple(found)
 
 
 def product(files: dict[Path, str]) -> dict[str, tuple[Path, ast.Module]]:
@@ -86,17 +94,18 @@ def product(files: dict[Path, str]) -> dict[str, tuple[Path, ast.Module]]:
             if path.parts[0] in ("wsim", "kernels")}
 
 
-def imports(tree: ast.Module) -> Iterator[tuple[int, str]]:
+@cache
+def imports(tree: ast.Module) -> tuple[tuple[int, str], ...]:
     """(line, dotted name) of every import, also inside functions, not for type checkers; `from a import b` is a.b."""
     skipped = {id(inner) for node in nodes(tree)
                if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) for inner in ast.walk(node)}
+    found = []
     for node in nodes(tree):
-        if id(node) in skipped:
+        if not isinstance(node, (ast.Import, ast.ImportFrom)) or id(node) in skipped:
             continue
-        if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield from ((node.lineno, f"{'.' * node.level}{node.module or ''}.{alias.name}") for alias in node.names)
+        start = "" if isinstance(node, ast.Import) else f"{'.' * node.level}{node.module or ''}."
+        found += [(node.lineno, start + alias.name) for alias in node.names]
+    return tuple(found)
 
 
 def target(dotted: str, modules) -> str | None:

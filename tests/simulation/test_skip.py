@@ -29,7 +29,7 @@ for path in sys.argv[1:]:
     sim = Simulation(load(path), device="cpu")
     sim.step()
     name = sim.model.module
-    modules = [wp.get_module(n) for n in {name, getattr(sim.model, "sweep_module", name), name + "_apart"}]
+    modules = [wp.get_module(n) for n in {name, sim.model.sweep_module, sim.model.step or name, name + "_apart"}]
     kernels = [k for m in modules for k in m.kernels.values()]
     adjoint = [k.key for k in kernels if k.options.get("enable_backward", k.module.options["enable_backward"])]
     print(json.dumps({"kernels": sorted(k.key for k in kernels), "adjoint": adjoint,
@@ -67,7 +67,7 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("simulation.measure", "indicators exceeded") | room("scene.nodal", "masses separate")
        | room("scene", "integrator methods samples")
        | room("model", "stage state status model midnodes launches kernel_cache structs vjp")
-       | room("model.compiler", "variants source header")
+       | room("model.compiler", "variants source header recorded")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")

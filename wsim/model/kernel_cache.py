@@ -184,7 +184,9 @@ def without_header() -> Iterator[None]:
 @contextmanager
 def capture(device) -> Iterator[Any]:
     """Captures what is launched inside as a graph, `capture.graph`. Kernels must be loaded before."""
+    from wsim.model.compiler import recorded
     with GATE.alone(), wp.ScopedCapture(device=device, force_module_load=False) as capture:
+        recorded.lighten()
         yield capture
 
 

@@ -16,6 +16,7 @@ class Launches:
     """Launches of a model's kernels."""
 
     module: str
+    step: str
     modules: dict[str, int]
     device: Any
     tape: Any
@@ -33,9 +34,9 @@ class Launches:
 
     def launch(self, kernel, dim: int | tuple[int, ...], inputs: list, outputs: list) -> None:
         """Launches a kernel of this model's module."""
-        import warp as wp
+        from wsim.model.compiler import recorded
         how = {"device": self.device, **({"block_dim": self.block} if self.device.is_cuda else {})}
-        (self.recorder or self.tape or wp).launch(kernel, dim, inputs, outputs, **how)
+        (self.recorder or self.tape or recorded).launch(kernel, dim, inputs, outputs, **how)
 
     def copy(self, into, source, *parts: int) -> None:
         """Copies arrays of vectors, as `wp.copy`."""
@@ -63,17 +64,21 @@ class Launches:
         """Module of kernels that a block runs by itself. CUDA compiles a module for each block size, so they stand apart."""
         return f"{self.module}_sweep" if self.device.is_cuda else self.module
 
+    @property
+    def step_modules(self) -> tuple[str, str]:
+        """Modules of kernels of a Newton step, and of those of them that a block runs by itself."""
+        return (self.step, self.step) if self.step else (self.module, self.sweep_module)
+
     def sweep(self, kernel, inputs: list, outputs: list, blocks: int = 1) -> None:
         """Launches a kernel of one block, or of so many that do not meet; on the CPU of a thread for each."""
-        import warp as wp
-
         from wsim.kernels.math.block import BLOCK
+        from wsim.model.compiler import recorded
         if self.recorder:
             self.recorder.opaque(lambda: self.sweep(kernel, inputs, outputs, blocks))
         elif self.device.is_cuda:
             self.launch_blocks(kernel, blocks, BLOCK, inputs, outputs)
         else:
-            wp.launch(kernel, blocks, inputs, outputs, device=self.device)
+            recorded.launch(kernel, blocks, inputs, outputs, device=self.device)
 
     def module_of(self, threads: int) -> str:
         """Module of kernels with blocks of so many threads, on CUDA."""

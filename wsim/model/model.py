@@ -67,6 +67,7 @@ class Model(Launches):
     module: str                          # name of the Warp module that holds the plan's kernels
     bodies: list[Body]
     modules: dict[str, int] = field(default_factory=dict)     # with blocks of their own, by name: threads of a block
+    step: str = ""                       # module of kernels of a Newton step, which other scenes share; "": the plan's
     constraints: list = field(default_factory=list)       # `wsim.physics.cloth.constraints.Constraints` of every world
     tables: dict = field(default_factory=dict)            # `wsim.physics.cloth.table.Table` of them by kind, of who has asked
     alias: np.ndarray | None = None      # place that stands for each place, (points,), where bodies share points

@@ -23,6 +23,7 @@ import warp as wp
 from wsim.kernels.solver import newton_adjoint
 from wsim.model import kernel_cache
 from wsim.model.arena import Slots
+from wsim.model.compiler import recorded
 from wsim.model.structs import filled, values
 
 WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "quadratic_forces", "pressure_forces", "predict",
@@ -94,15 +95,15 @@ class Tape:
         backward = self.vjp[kernel](inputs) if kernel in self.vjp else None
         read = [self.read(a) for a in inputs]
         wrote = [self.write(a, kernel.key.startswith(WHOLE)) for a in outputs]
-        self.do(lambda: wp.launch(kernel, dim, read, wrote, **how))
+        self.do(lambda: recorded.launch(kernel, dim, read, wrote, **how))
         if backward:
             self.adjoints.append(partial(backward, read, wrote))
         elif any(isinstance(a, wp.array) and a.grad is not None for a in wrote):
             if not kernel.options.get("enable_backward"):
                 raise ValueError(f"kernel {kernel.key} has no adjoint")
             there, back = [adjoint_of(a) for a in read], [adjoint_of(a) for a in wrote]
-            self.adjoints.append(lambda: wp.launch(kernel, dim, read, wrote, adj_inputs=there, adj_outputs=back,
-                                                   adjoint=True, **how))
+            self.adjoints.append(lambda: recorded.launch(kernel, dim, read, wrote, adj_inputs=there, adj_outputs=back,
+                                                         adjoint=True, **how))
 
     def copy(self, into: wp.array, source: wp.array, into_first: int = 0, first: int = 0, count: int = 0) -> None:
         """Copies vectors, as `wp.copy` does."""

@@ -22,7 +22,7 @@ class NewtonCurvature:
         sizes = np.bincount([model.system(r.body.number) for r in table.rows if r.body is not None], self.cur.sizes,
                             len(model.starts) - 1)
         self.first = model.upload(np.r_[0, np.cumsum(sizes)].astype(np.int32), int)
-        real, module = model.real, model.module
+        real, module = model.real, model.step_modules[0]
         self.looks = curvature_line_search.looks(real)()
         self.looks.own = self.cur.data.own
         self.looks.found = wp.zeros((table.size, curvature_line_search.COLUMNS), dtype=wp.float64, device=model.device)

@@ -154,7 +154,7 @@ class Table:
 
     def place(self, force: int, block: int) -> None:
         """Places where elements leave forces on corners and blocks of pairs (kernels/solver/newton.py)."""
-        equation, real, module = self.row.equation, self.model.real, self.model.module
+        equation, real, module = self.row.equation, self.model.real, self.model.step_modules[0]
         if equation.rows == 3:
             from wsim.kernels.cloth import hessian
             self.kernel, self.at = hessian.triangles(real, module), force

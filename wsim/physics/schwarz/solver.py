@@ -72,7 +72,7 @@ class Schwarz:
                                                          if dtype is not int else value.astype(np.int32), dtype))
         self.allocate(o)
         cuda = model.device.is_cuda
-        self.module = f"{model.module}_schwarz"
+        self.module = f"{model.module}_schwarz" if cuda else f"wsim_schwarz_{types(real).name}"     # as `Model.step`
         model.modules[self.module] = cg.THREADS if cuda else 1
         self.filters, self.pairs, self.merge, self.sums, self.points = (f(real, self.module) for f in (
             setup.filters, setup.pairs, setup.blocks, setup.sums, setup.points))

@@ -97,7 +97,7 @@ class Tetrahedra:
 
     def kernels(self) -> list:
         """Kernels of Newton's method: `linearise` and `energy_change`."""
-        return [f(self.material, self.damped, real=self.model.real, module=self.model.module)
+        return [f(self.material, self.damped, real=self.model.real, module=self.model.step_modules[0])
                 for f in (self.maths.linearise, self.maths.energy_change)]
 
     def forget(self) -> None:

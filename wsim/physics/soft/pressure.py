@@ -63,7 +63,7 @@ class Pressure:
         self.model.launch(self.pull, self.size, [self.data, x, d], [force])
 
     def kernels(self) -> list:
-        return [f(self.model.real, self.model.module) for f in (pressure.linearise, pressure.energy_change)]
+        return [f(self.model.real, self.model.step_modules[0]) for f in (pressure.linearise, pressure.energy_change)]
 
     def forget(self) -> None:
         """It remembers nothing."""

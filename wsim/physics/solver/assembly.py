@@ -4,7 +4,7 @@
 What acts beside the forces of bodies (soft pins, contacts, the momentum of what is free) is a `Term`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import warp as wp
@@ -69,20 +69,22 @@ class Assembly:
             state.add(*(table.kept for table in self.solids if table.kept))
         self.springs = bool(self.of(SPRINGS))
         self.elements = bool(self.solids or self.of(SHEET) or self.of(CORNERS))
-        self.bending = bending_of(model, self.of(SHEET))
         coarse, self.why = coarse_space(model, h) if self.solids else ([], "")
         schwarz = False
         if not (coarse or self.springs or model.gradients) and self.elements:
             schwarz, said = domains(model, h)
             self.why += said
+        solids = [s.name.replace(" ", "_") + "_damped" * s.damped for s in self.solids]
+        model.step = module_of(model, [*self.tables, *solids, *["coarse"] * bool(coarse), *["schwarz"] * schwarz])
+        self.bending = bending_of(model, self.of(SHEET))
         self.system = linear.System(model, points.constants.w, self.ids(SPRINGS, 2), self.ids(SHEET, 4),
                                     [table.ids for table in (*self.of(CORNERS), *self.solids)], coarse,
                                     self.bending.spans if self.bending else None, schwarz)
         self.rows, self.A, self.v = self.system.rows, self.system.A, self.system.v
         self.work()
         self.apart = self.elements and model.device.is_cuda
-        self.gather = newton.gather(model.real, model.module) if self.apart else None
-        self.assemble = newton.assemble(model.real, model.module, self.springs, self.elements, self.apart)
+        self.gather = newton.gather(model.real, model.step_modules[0]) if self.apart else None
+        self.assemble = newton.assemble(model.real, model.step_modules[0], self.springs, self.elements, self.apart)
         self.stressed = {s.name: s.kernels() for s in self.solids}
 
     def of(self, gather: str) -> list[Table]:
@@ -152,6 +154,17 @@ class Assembly:
         """Bytes moved by one assembly and one iteration of conjugate gradients, when every gather hits the cache once."""
         entries = 2 * (self.A.link.capacity if self.springs else 0) + 2 * (self.A.block.capacity if self.elements else 0)
         return entries + self.model.points * (8 * self.springs + 8 * self.elements + 50 * np.dtype(self.model.dtype).itemsize)
+
+
+def module_of(model: Model, what: Iterable[str]) -> str:
+    """Name of the module of kernels that Newton steps of such forces and solvers need, which on a CPU all scenes share: it is
+    compiled once, beside what the plan has of its own, and found in Warp's cache whatever else a scene has. On CUDA "", none.
+    """
+    if model.device.is_cuda:
+        return ""
+    name = "_".join(("wsim_newton", *sorted(what), types(model.real).name))
+    model.modules[name] = 1
+    return name
 
 
 def coarse_space(model: Model, h: float) -> tuple[list, str]:

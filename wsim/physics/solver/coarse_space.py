@@ -190,7 +190,8 @@ class Multigrid:
         most = SMALL["cuda" if model.device.is_cuda else "cpu"]
         self.fused = next((k for k, level in enumerate(self.levels) if level.most <= most), len(self.levels))
         cuda = model.device.is_cuda
-        thin, thick = f"{model.module}_multigrid", f"{model.module}_multigrid{'_blocks' * cuda}"
+        own = f"{model.module}_multigrid" if cuda else f"wsim_multigrid_{types(model.real).name}"     # as `Model.step`
+        thin, thick = own, own + "_blocks" * cuda
         model.modules[thin] = THREADS if cuda else 1
         model.modules[thick] = BLOCK if cuda else 1
         self.setups, self.steps, self.blocks = (kernels.setup(model.real, thin), cycle.levels(model.real, thin),

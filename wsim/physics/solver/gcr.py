@@ -12,11 +12,11 @@ KEPT = 10              # directions
 class Directions:
     """The last KEPT of them, over the points of a model."""
 
-    def __init__(self, model: Model, lanes: int):
-        """lanes: of sums."""
+    def __init__(self, model: Model, lanes: int, module: str):
+        """lanes: of sums; module: of kernels."""
         self.model, t, n = model, types(model.real), model.points
         self.along, self.share, self.across, self.store = (
-            f(model.real, model.module) for f in (kernels.along, kernels.share, kernels.across, kernels.keep))
+            f(model.real, module) for f in (kernels.along, kernels.share, kernels.across, kernels.keep))
         o = self.basis = kernels.basis(model.real)()
 
         def zeros(shape, dtype):

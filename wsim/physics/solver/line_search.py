@@ -18,7 +18,7 @@ class LineSearch:
 
     def __init__(self, assembly: Assembly):
         self.assembly, model = assembly, assembly.model
-        bodies, real, module, over = assembly.system.systems, model.real, model.module, assembly.system.zeros
+        bodies, real, over, (module, block) = assembly.system.systems, model.real, assembly.system.zeros, model.step_modules
         self.step = over(bodies, wp.float64)
         kinds = {kind: table.first() for kind, table in assembly.tables.items()}
         most = max([int(np.diff(model.starts).max())] + [most for _, most in kinds.values()]
@@ -35,7 +35,7 @@ class LineSearch:
         self.inertia, self.move = line_search.inertia(real, module), line_search.move(real, module)
         self.elastic = {kind: line_search.elastic(t.row.equation, real, module) for kind, t in assembly.tables.items()
                         if t.row.gather != SHEET}
-        self.choose = line_search.choose(real, model.sweep_module)
+        self.choose = line_search.choose(real, block)
 
     def trial(self, first: wp.array, begin: int, end: int):
         trial = line_search.Trial()

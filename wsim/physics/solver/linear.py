@@ -115,7 +115,7 @@ class System:
             self.put(self.rows, pair=b.first, column=b.column, part=b.part, corner=b.corner, pull=b.pull)
             self.rows.item = model.upload(b.item.astype(np.int32), wp.vec2i)
             self.A.block = self.zeros(len(b.column), t.mat33)
-        self.coarse, self.schwarz = None, None
+        self.coarse = self.schwarz = self.cluster = None
         if schwarz:
             from wsim.physics.schwarz.solver import Schwarz
             self.schwarz = Schwarz(model, b.first, b.column)
@@ -129,8 +129,8 @@ class System:
         self.first = self.rows.first = model.upload(self.starts.astype(np.int32), int)
         self.of = model.upload(np.repeat(np.arange(self.systems), np.diff(self.starts)).astype(np.int32), int)
         self.drop, self.count = self.zeros(self.systems, wp.float64), self.zeros(self.systems, int)
-        kinds = model.real, self.coarse.module if self.coarse else model.sweep_module, len(springs) > 0, paired
-        self.cluster = None
+        own = self.coarse.module if self.coarse else model.sweep_module
+        kinds = model.real, model.step or own, len(springs) > 0, paired
         if paired and model.device.is_cuda and not (len(springs) or coarse or schwarz):
             from wsim.physics.fused.conjugate import cluster_of
             one = self.systems // model.worlds                     # of a world, whose bits do not depend on how many there are

@@ -55,7 +55,7 @@ class Implicit(Method):
         self.assembly = own = Assembly(model, state, points, self.every, clock.h)
         self.c = own.system.zeros(model.points, types(model.real).vec3)
         state.points.take(Field("c", "m", True, "what forces changed in the substep before (Newton's method)"), self.c)
-        self.kernels = {f.__name__: f(model.real, model.module) for f in (newton.begin, newton.stay, newton.end)}
+        self.kernels = {f.__name__: f(model.real, model.step_modules[0]) for f in (newton.begin, newton.stay, newton.end)}
         self.line, self.residual = LineSearch(own), Residual(own, status, clock)
         self.further: Any = None                   # `wsim.physics.solver.further.Further`
         if clock.integrator.beyond:

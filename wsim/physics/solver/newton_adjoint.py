@@ -25,6 +25,7 @@ from wsim.model.tape import without
 from wsim.physics.contact.newton.active_set_adjoint import ContactsAdjoint
 from wsim.physics.motion.forces import ForceGather
 from wsim.physics.motion.forces_adjoint import Forces
+from wsim.physics.solver.assembly import module_of
 from wsim.physics.solver.gcr import Directions
 from wsim.physics.solver.soft_pin_adjoint import PinsAdjoint
 
@@ -46,7 +47,8 @@ class ImplicitAdjoint(Forces):
         """method: `wsim.physics.solver.newton.Implicit`; rows: its springs, hinges and triangles, of all worlds."""
         self.method, self.assembly, model = method, method.assembly, method.model
         super().__init__(model, ForceGather(model, self.assembly.points.constants, rows, None, shared=False), model.module)
-        module, n, real, t = model.module, model.points, model.real, types(model.real)
+        n, real, t = model.points, model.real, types(model.real)
+        module = module_of(model, ("adjoint",)) or model.module
         both = zip(self.pull.tables, self.assembly.solids, strict=True)
         self.plastic = [self.share(own, live) for own, live in both if live.plastic]
         names = ("pairs", "residual", "product", "free", "spread", "dot", "add", "going", "falling", "worst", "weigh")
@@ -58,7 +60,7 @@ class ImplicitAdjoint(Forces):
         self.p, self.q, self.r, self.scale = (over(n) for _ in range(4))
         lanes = 1024 if model.device.is_cuda else 1
         self.sums = [wp.zeros(lanes, dtype=wp.float64, device=model.device) for _ in range(4)]
-        self.directions = Directions(model, lanes)
+        self.directions = Directions(model, lanes, module)
         self.count, self.on, self.turns, self.turning, self.rounds, self.again = (
             wp.zeros(1, dtype=int, device=model.device) for _ in range(6))
         self.best, self.tried = (wp.zeros(2, dtype=wp.float64, device=model.device) for _ in range(2))

@@ -18,8 +18,9 @@ class Residual:
         model, self.assembly, self.status = assembly.model, assembly, status
         status.reserve(UNSOLVED, len(model.bodies))
         self.array = assembly.system.zeros(assembly.system.systems, model.real)
-        self.left, self.unmet = line_search.left(model.real, model.sweep_module), line_search.unmet(model.real, model.module)
-        self.rounded = line_search.rounded(model.real, model.sweep_module)
+        module, block = model.step_modules
+        self.left, self.unmet = line_search.left(model.real, block), line_search.unmet(model.real, module)
+        self.rounded = line_search.rounded(model.real, block)
         if clock.watched:
             status.reserve(MISSED)
             from wsim.kernels.solver.xpbd_residual import judge

@@ -1,0 +1,166 @@
+"""Recording of launches in a graph of a CPU: arguments as bytes, without what only a graph that is saved to a file needs.
+
+Warp 1.19 records each launch of a captured frame so that it could be saved, and loaded by another process: it looks for every
+pointer in the arguments, also in structs of a hundred arrays, and writes down of which allocation each is a part. A replay then
+puts the same pointers back where they were. That is most of the time a frame takes to record, and the bytes of the arguments
+hold the pointers already. Here a launch is recorded as those bytes, with no pointer to be put back: the same bits.
+
+    kept      Warp keeps the allocations that it has written down, so that none is freed before the graph: arrays of the
+              arguments, those in structs, and their gradients are kept here likewise
+    form      what is the same for all launches of a kernel: names, and where each argument begins
+    known     kernels that were launched before in this capture, which `launch` does not look up again
+
+Where Warp has other structs, arguments or functions than those known here, it records as ever.
+"""
+
+import ctypes
+import inspect
+from functools import cache
+from typing import Any
+
+import warp as wp
+from warp._src import context
+from warp._src.codegen import Struct, StructInstance
+
+INFO = ("kernel_key", "module_hash", "is_forward", "_pad", "params", "num_params", "kernel_dim", "value_data_size",
+        "value_data", "adj_params", "num_relocs", "_pad2", "relocs")
+PARAMETER = ("param_index", "num_relocs", "value_offset", "value_size", "value_align")
+ARGUMENTS = ("self", "kernel", "module_exec", "hooks", "params", "fwd_args", "adjoint", "adj_args")
+CALLED = ("pack_arg", "_normalize_launch_dim", "_validate_kernel_tid_extents", "_build_launch_bounds_from_tuple")
+BACK = frozenset(("adjoint", "adj_inputs", "adj_outputs"))         # words of a launch of an adjoint
+
+
+@cache
+def lean() -> type | None:
+    """A class of captures of the installed Warp that records so; None: Warp is not as known here."""
+    try:
+        from warp._src.apic import capture, types
+        known = (tuple(field[0] for field in types.APICLaunchInfo._fields_) == INFO
+                 and tuple(field[0] for field in types.APICLaunchParamRecord._fields_) == PARAMETER
+                 and tuple(inspect.signature(capture.APICapture.build_launch_info).parameters) == ARGUMENTS
+                 and all(hasattr(context, name) for name in CALLED))
+    except (ImportError, AttributeError, ValueError):
+        return None
+    return type("Lean", (Lean, capture.APICapture), {"types": types}) if known else None
+
+
+def lighten() -> None:
+    """Lets the capture of a CPU that has begun record arguments as bytes."""
+    capture: Any = getattr(context.runtime, "_apic_capture", None)
+    found: Any = lean() if capture is not None else None
+    if found and type(capture) is found.__mro__[2] and capture.device.is_cpu and not capture.apic_savable:
+        capture.__class__ = found
+        capture.kept, capture.structs, capture.forms, capture.known, capture.bounds = {}, {}, {}, {}, {}
+
+
+def launch(kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, device=None, **how) -> None:
+    """Launches a kernel as `wp.launch`. In a capture of a CPU it is recorded without a look where it was launched before."""
+    capture = getattr(context.runtime, "_apic_capture", None)
+    if not isinstance(capture, Lean) or not capture.again(kernel, dim, [*inputs, *outputs], device, how):
+        wp.launch(kernel, dim, inputs, outputs, device=device, **how)
+
+
+class Lean:
+    """Captures of Warp with another record of launches."""
+
+    device: Any
+    runtime: Any
+    types: Any                               # module of structs
+    kept: dict[int, Any]                     # arrays that must outlive the graph, by address
+    structs: dict[tuple, tuple]              # as well: (values, those that are structs) of each, by addresses of values
+    forms: dict[tuple, tuple]
+    known: dict[tuple, tuple]                # (executable, hooks, function) of a kernel, and whether of its adjoint
+    bounds: dict[tuple, Any]                 # of launches, by threads and dimensions
+
+    def build_launch_info(self, kernel, module_exec, hooks, params, fwd_args, adjoint, adj_args=None):
+        """As of Warp: what its library is to append to the graph, which it copies at once."""
+        key = kernel, module_exec, adjoint, tuple(map(type, params))
+        form = self.forms.get(key)
+        if form is None:
+            form = self.forms[key] = launch_form(self.types, *key)
+            function = hooks.backward if adjoint else hooks.forward
+            self.known[kernel, adjoint] = module_exec, hooks, ctypes.cast(function, ctypes.c_void_p)
+        info, place = form[:2]
+        data = b"".join(params[1:])
+        ctypes.memmove(place, data, len(data))
+        self.keep(fwd_args)
+        if adjoint:
+            self.keep(adj_args)
+        return info
+
+    def again(self, kernel, dim: int | tuple[int, ...], values: list, device, how: dict) -> bool:
+        """Records a launch of a kernel that this capture knows. False: nothing is recorded, and Warp is to launch it."""
+        adjoint = how.get("adjoint", False)
+        found, count = self.known.get((kernel, adjoint)), len(kernel.adj.args)
+        back = [*how.get("adj_inputs", ()), *how.get("adj_outputs", ())]
+        there = device is self.device or wp.get_device(device) == self.device
+        if (found is None or len(values) != count or len(back) != adjoint * count or how.keys() - BACK or not there
+                or self.runtime.tape or wp.config.print_launches
+                or wp.config.launch_array_access_mode != wp.config.LaunchArrayAccessMode.RELAXED):
+            return False
+        bounds = self.bounds.get((dim, kernel.adj.kernel_dim)) or self.bound(kernel, dim)
+        if not bounds:
+            return False
+        executable, hooks, function = found
+        params = [bounds, *self.packed(kernel, values, False), *self.packed(kernel, back, True)]
+        info = self.build_launch_info(kernel, executable, hooks, params, values, adjoint, back)
+        self.runtime.core.wp_cpu_launch_kernel(function, ctypes.byref(bounds), None, None, ctypes.byref(info))
+        return True
+
+    def bound(self, kernel, dim: int | tuple[int, ...]):
+        """Bounds of launches of so many threads; None: of no thread."""
+        dimensions, (extents, threads) = kernel.adj.kernel_dim, context._normalize_launch_dim(dim)
+        if not threads:
+            return None
+        context._validate_kernel_tid_extents(kernel, extents, threads, 1)
+        found = self.bounds[dim, dimensions] = context._build_launch_bounds_from_tuple(extents, dimensions)
+        return found
+
+    def packed(self, kernel, values: list, adjoint: bool) -> list:
+        """Values as a kernel takes them."""
+        return [value.__ctype__() if isinstance(value, StructInstance) and isinstance(argument.type, Struct) else
+                context.pack_arg(kernel, argument.type, argument.label, value, self.device, adjoint)
+                for argument, value in zip(kernel.adj.args, values, strict=False)]
+
+    def keep(self, values) -> None:
+        for value in values:
+            if isinstance(value, StructInstance):
+                self.keep_struct(value)
+            elif not isinstance(value, (int, float)):
+                self.kept[id(value)] = value
+                grad = getattr(value, "grad", None)
+                if grad is not None:
+                    self.kept[id(grad)] = grad
+
+    def keep_struct(self, struct) -> None:
+        values = tuple(struct.__dict__.values())
+        of = tuple(map(id, values))
+        found = self.structs.get(of)
+        if found is None:
+            found = self.structs[of] = values, [value for value in values if isinstance(value, StructInstance)]
+            self.keep(value for value in values if isinstance(value, wp.array))
+        for value in found[1]:
+            self.keep_struct(value)
+
+
+def launch_form(types, kernel, module_exec, adjoint: bool, kinds: tuple[type, ...]) -> tuple:
+    """(APICLaunchInfo of a launch, where its arguments go, what those two point to). kinds: of the bounds and arguments, in
+    order, then of their adjoints. Bytes of arguments stand in a row; each is put at its alignment when the graph is replayed.
+    """
+    count = len(kernel.adj.args)
+    if len(kinds) != 1 + count * (1 + adjoint):
+        raise ValueError(f"kernel {kernel.key}: {len(kinds) - 1} arguments for {count}, adjoint={adjoint}")
+    sizes = [ctypes.sizeof(kind) for kind in kinds[1:]]
+    records = [(types.APICLaunchParamRecord * count)() for _ in range(1 + adjoint)]
+    for i, size in enumerate(sizes):
+        record = records[i // count][i % count]
+        record.param_index, record.num_relocs = i + 1, 0
+        record.value_offset, record.value_size, record.value_align = sum(sizes[:i]), size, ctypes.alignment(kinds[1 + i])
+    place = (ctypes.c_uint8 * max(sum(sizes), 1))()
+    names = kernel.key.encode(), module_exec.module_hash.hex().encode()
+    info = types.APICLaunchInfo(kernel_key=names[0], module_hash=names[1], is_forward=int(not adjoint), num_params=count,
+                                kernel_dim=kernel.adj.kernel_dim, value_data_size=sum(sizes))
+    info.params, info.value_data = records[0], ctypes.cast(place, ctypes.POINTER(ctypes.c_uint8))
+    if adjoint:
+        info.adj_params = records[1]
+    return info, place, records, names
