@@ -41,6 +41,10 @@ def begin_point(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: in
     T.x[i, k] = x
     if T.hit:
         forget(T, i, k)
+        forget(T, T.x.shape[0] + i, k)
+    if Q.edge_load:                                      # what an edge touched is not carried on by its points either
+        if Q.edge_load[i, k] + Q.edge_load[wp.max(i - 1, 0), k] > wp.float64(0.0):
+            Q.begun[i, k] = 0
     if i + 1 < S.points[k]:
         T.phi[i, k] = Q.phi[i, k]
         T.pull[i, k] = S.A[i, k] * (wp.length(Q.x[i + 1, k] - Q.x[i, k]) - S.length[i, k])
@@ -100,6 +104,10 @@ def finish_point(kinds: tuple[str, ...]):
                 t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
             Q.stick[i, k] = t.s
             Q.load[i, k] = t.N
+            if i + 1 < S.points[k]:
+                Q.edge_stick[i, k] = T.bristle[i, k]     # as the last correction found it: points are moving on
+                Q.edge_load[i, k] = T.inside[i, k][1]
+                deep = T.inside[i, k][2]
             if t.N > wp.float64(0.0):
                 begun = int(0)
                 deep = wp.max(deep, t.deep)

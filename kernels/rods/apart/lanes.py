@@ -10,14 +10,13 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.apart.desk import arrive, desk, fetch, got, got3, meet, sent, together, whole
+from wsim.kernels.rods.apart.desk import arrive, desks, fetch, got, got3, meet, sent, together, whole
 from wsim.kernels.rods.apart.parts import (
-    AIR,
     EDGE,
     FREE,
     LANES,
     LAST,
-    NUMBERS,
+    MORE,
     OFF,
     OWN,
     RIGHT,
@@ -27,6 +26,7 @@ from wsim.kernels.rods.apart.parts import (
     SYMMETRIC,
     TORQUES,
     Parts,
+    numbers,
 )
 from wsim.kernels.rods.tables import Trial
 
@@ -181,9 +181,11 @@ def eliminated(A: Parts, w: Window, at: int, i: int, k: int, lane: int):
 
 
 @cache
-def eliminating(airy: bool):
+def eliminating(meets: bool, airy: bool):
     """Function (T, A, n, lane, k) -> greatest correction of a strand's n points [m], of which T.z has all."""
-    count = NUMBERS if airy else AIR
+    count, air = numbers(meets, airy), numbers(meets, False)
+    most = max(count, 2 * LANES**2 + LANES)
+    desk = desks(most)
 
     @wp.func
     def stretch(at: int, w: Window, lane: int):
@@ -197,11 +199,16 @@ def eliminating(airy: bool):
         r = t * k[2]
         w.r0 = w.r0 + r * w.m0[0]
         w.r1 = w.r1 - r * w.m1[0]
+        if wp.static(meets):
+            w.D1 = w.D1 + symmetric(at, wp.static(MORE), lane) * w.m1[0]
+            w.P = w.P + symmetric(at, wp.static(MORE + 6), lane) * (w.m0[0] * w.m1[0])
+            f = got3(at, wp.static(MORE + 12))
+            w.r1 = w.r1 + wp.vec4d(f[0], f[1], f[2], zero) * w.m1[0]
         if wp.static(airy):
-            K = symmetric(at, wp.static(AIR + 3), lane)
+            K = symmetric(at, wp.static(air + 3), lane)
             w.P = w.P + K * (w.m0[0] * w.m1[0])
             H = H + K
-            f = got3(at, wp.static(AIR))
+            f = got3(at, wp.static(air))
             gust = wp.vec4d(f[0], f[1], f[2], zero)
             w.r0 = w.r0 + gust * w.m0[0]
             w.r1 = w.r1 + gust * w.m1[0]
@@ -214,12 +221,12 @@ def eliminating(airy: bool):
         w = Window()
         for j in range(wp.static(STEPS)):
             if j < n + 2:
-                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * NUMBERS) * j, True)
+                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * most) * j, True)
             sent()
         slot = int(0)
         for j in range(n + 2):
             i = j - 2
-            at = desk + wp.static(64 * NUMBERS) * slot
+            at = desk + wp.static(64 * most) * slot
             arrive()
             w = own_block(at, lane, w)
             w.N = wp.vec4d()
@@ -246,12 +253,12 @@ def eliminating(airy: bool):
         most = wp.float64(0.0)
         for j in range(wp.static(STEPS)):
             if j < n:
-                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * NUMBERS) * j, False)
+                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * most) * j, False)
             sent()
         slot = int(0)
         for j in range(n):
             i = n - 1 - j
-            at = desk + wp.static(64 * NUMBERS) * slot
+            at = desk + wp.static(64 * most) * slot
             arrive()
             z = got(at, wp.static(2 * LANES * LANES) + lane)
             row = wp.static(LANES) * lane
