@@ -37,16 +37,19 @@ from wsim.kernels.rods.tables import Motion, Strands, Trial
 ROUNDS = wp.constant(24)                     # of the search; 3 or 4 do on smooth shapes
 NEAR = wp.constant(wp.float64(1e-8))         # of an edge's length, to which the least distance is known on smooth shapes
 DRAWN = wp.constant(wp.float64(0.25))        # of its length: how far outside an edge that is pressed still is
+ROUND = wp.constant(wp.float64(1e-6))
 PIERCED = wp.constant(wp.float64(1e-3))      # of what is kept, within which an edge goes through a sheet: it has no side there
 
 
 @wp.struct
 class Lowest:
     """Place of an edge where a collider is nearest: u, 0 where that is an end or farther than asked; distance there [m] with
-    its normal, the same place of the collider where the substep began, and the distances of both ends [m]."""
+    its normal, its second derivative by u [m], the same place of the collider where the substep began, and the distances of
+    both ends [m]."""
 
     u: wp.float64
     phi: wp.float64
+    round: wp.float64
     n: wp.vec3d
     before: wp.vec3d
     ends: wp.vec2d
@@ -72,6 +75,22 @@ def spread(to: Inside, f: wp.vec3d, K: wp.mat33d, u: wp.float64):
     to.K0 = to.K0 + K * (v * v)
     to.K1 = to.K1 + K * (u * u)
     to.K = to.K + K * (u * v)
+    return to
+
+
+@wp.func
+def roll(to: Inside, n: wp.vec3d, d: wp.vec3d, u: wp.float64, N: wp.float64, bend: wp.float64):
+    """`to` with what a normal force N gives as u moves: N a a^T / phi'', a = grad phi' = (-n + (1 - u) t, n + u t),
+    t = d phi'' / |d|^2."""
+    length = wp.length(d)
+    bend = wp.max(bend, ROUND * length)
+    t = d * (bend / (length * length))
+    a0 = t * (wp.float64(1.0) - u) - n
+    a1 = t * u + n
+    k = N / bend
+    to.K0 = to.K0 + wp.outer(a0, a0) * k
+    to.K1 = to.K1 + wp.outer(a1, a1) * k
+    to.K = to.K + wp.outer(a0, a1) * k
     return to
 
 
@@ -127,6 +146,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
                 going = False
                 phi = FAR
             count = int(0)
+            slope = (g1 - g0)
             while going:
                 if g > wp.float64(0.0):
                     hi = u
@@ -135,22 +155,27 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
                     lo = u
                     g0 = g
                 slope = (g1 - g0) / (hi - lo)
-                edge = (hi - lo) * wp.float64(0.1)
+                edge = (hi - lo) * wp.float64(0.02)
                 if count % 4 == 3:                               # a corner: the straight line between signs is none
                     edge = (hi - lo) * half
                 u = wp.clamp(lo - g0 / slope, lo + edge, hi - edge)
                 phi, n, before = signed(C, c, at, a + d * u)
                 g = wp.dot(n, d)
                 count += 1
+                slope = wp.where(g > wp.float64(0.0), (g - g0) / (u - lo), (g1 - g) / (hi - u))
                 going = count < ROUNDS and half * g * g > NEAR * slope * wp.length(d)
             if wp.static("sheet" in kinds):
                 if C.kind[c] == SHEET and phi < PIERCED * reach:
                     phi = FAR
             if phi < reach:
-                found.u = u
-                found.phi = phi
+                more = wp.float64(0.0)                           # as straight as g is here, b is right to second order
+                if slope > wp.float64(0.0):
+                    more = wp.clamp(-g / slope, lo - u, hi - u)
+                found.u = u + more
+                found.phi = phi + half * g * more
                 found.n = n
-                found.before = before
+                found.round = slope
+                found.before = before + d * more
                 found.ends = wp.vec2d(phi0, phi1)
         return found
 
@@ -162,6 +187,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         side = Side()
         side.deep = -FAR
         best = wp.float64(0.0)                                   # u there
+        bend = wp.float64(0.0)
         zero = wp.float64(0.0)
         x0 = T.x[i, k] + S.origin[k]
         x1 = T.x[i + 1, k] + S.origin[k]
@@ -183,6 +209,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
                 n = wp.transform_vector(C.frame[at + 1, c], low.n)
                 if N > t.N or (t.N == zero and deep > side.deep):
                     best = u
+                    bend = low.round
                     side.c = c
                     side.n = n
                     side.deep = deep
@@ -206,6 +233,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             lean = T.lean[row, k]
             T.slip[row, k] = (s - side.n * wp.dot(side.n, s)) * wp.where(N > zero, wp.float64(1.0), zero)
         if N > zero:
+            found = roll(found, side.n, x1 - x0, best, N, bend)
             N = bound(Q.edge_load[i, k], m, between(best, Q.v[i, k], Q.v[i + 1, k]), S.gravity[k], side.n, N, hh)
             t = rub(t, side.n, s, N, stiff, C.friction[side.c, k], lean)
         found = spread(found, t.f, t.K, best)

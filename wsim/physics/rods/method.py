@@ -135,7 +135,7 @@ class Strands(Method):
         t, device, more = self.table, self.model.device, EDGES if self.obstacles.kinds else ()
         if meeting:
             from wsim.physics.rods.among import PUSH
-            more = PUSH
+            more += PUSH
         if bearing:
             from wsim.physics.rods.bodies import CLING
             more += CLING
