@@ -1,11 +1,19 @@
 """Contact of a strand's edges with colliders, between their points: the law of kernels/rods/contact.py at the place of an edge
 where a collider is nearest, x_u = (1 - u) x_i + u x_i+1, with forces b f and stiffness b b^T K on both points, b = (1 - u, u).
 
-    e = deep_u - w - max(-w, deep_i, deep_i+1)         deep = r - phi: what the points of an edge do not meet by themselves
+    e = deep_u - w - max(-w, deep_i, deep_i+1) - chord,        deep = r - phi
 
-A strand that lies on a plane has no contact inside its edges; one whose points are clear has e = deep_u; and where a contact
-moves on from an edge to a point, forces do not jump. What the maximum changes by moves is left out of the stiffness, which
-stays symmetric and positive.
+What the points of an edge meet by themselves is not met twice: a strand that lies on a plane has no contact inside its edges,
+and where a contact moves on from an edge to a point, forces do not jump. One whose points are clear has e = deep_u; but where a
+shape turns evenly, by less than TURN along an edge, chord is its sagitta (below TURN^2 / 8 = 1/32 of the edge's length) and a
+little more: a strand stands for a curve then, which its points hold, as those of hairs on a head.
+
+As an edge turns u moves, to where phi' = n . (x_i+1 - x_i) is 0 again, and the force with it:
+
+    K = N'(e) b b^T n n^T + N a a^T / phi'',   a = grad phi'                        (of an arc phi'' = L^2 / R)
+
+of which hairs that land on a ball have five times as much as of their inertia. What is left out of the stiffness (of e all but
+deep_u, of N grad grad phi what is below 0) leaves it symmetric and positive.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -38,14 +46,17 @@ ROUNDS = wp.constant(24)                     # of the search; 3 or 4 do on smoot
 NEAR = wp.constant(wp.float64(1e-8))         # of an edge's length, to which the least distance is known on smooth shapes
 DRAWN = wp.constant(wp.float64(0.25))        # of its length: how far outside an edge that is pressed still is
 ROUND = wp.constant(wp.float64(1e-6))
+TURN = wp.constant(wp.float64(0.25))         # [rad] of a shape along an edge, from which on chords of it are not let in
+FADE = wp.constant(wp.float64(5.0))          # from 1 - 1 / FADE of that on less and less
+EVEN = wp.constant(wp.float64(1.125))         # of sagittas, which are those of parabolas
 PIERCED = wp.constant(wp.float64(1e-3))      # of what is kept, within which an edge goes through a sheet: it has no side there
 
 
 @wp.struct
 class Lowest:
     """Place of an edge where a collider is nearest: u, 0 where that is an end or farther than asked; distance there [m] with
-    its normal, its second derivative by u [m], the same place of the collider where the substep began, and the distances of
-    both ends [m]."""
+    its normal, its second derivative by u [m], the same place of the collider where the substep began; distances of both ends
+    [m], and how much phi' changes between these [m]."""
 
     u: wp.float64
     phi: wp.float64
@@ -53,6 +64,7 @@ class Lowest:
     n: wp.vec3d
     before: wp.vec3d
     ends: wp.vec2d
+    turn: wp.float64
 
 
 @wp.struct
@@ -105,9 +117,12 @@ def mean(u: wp.float64, a: wp.float64, b: wp.float64):
 
 
 @wp.func
-def beneath(found: Lowest, r: wp.float64, w: wp.float64):
-    """e of a place of an edge [m]. r: what is kept from the collider [m]."""
-    return r - found.phi - w - wp.max(-w, r - wp.min(found.ends[0], found.ends[1]))
+def beneath(low: Lowest, r: wp.float64, w: wp.float64, length: wp.float64):
+    """e of a place of an edge [m]. r: what is kept from the collider [m]; length: of the edge [m]."""
+    part = wp.clamp(FADE * (wp.float64(1.0) - low.turn / (TURN * length)), wp.float64(0.0), wp.float64(1.0))
+    sag = wp.float64(0.5) * low.turn * low.u * (wp.float64(1.0) - low.u)
+    chord = part * (EVEN * sag + wp.min(sag, w + w))
+    return r - low.phi - w - wp.max(-w, r - wp.min(low.ends[0], low.ends[1])) - chord
 
 
 @cache
@@ -146,7 +161,8 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
                 going = False
                 phi = FAR
             count = int(0)
-            slope = (g1 - g0)
+            slope = g1 - g0
+            bend = slope
             while going:
                 if g > wp.float64(0.0):
                     hi = u
@@ -177,6 +193,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
                 found.round = slope
                 found.before = before + d * more
                 found.ends = wp.vec2d(phi0, phi1)
+                found.turn = bend
         return found
 
     @wp.func
@@ -193,18 +210,19 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         x1 = T.x[i + 1, k] + S.origin[k]
         thick = wp.max(S.radius[i, k], S.radius[i + 1, k])
         row = T.x.shape[0] + i
+        length = wp.length(x1 - x0)
         for c in range(C.kind.shape[0]):
             back = C.back[at + 1, c]
             reach = (SOFT + wp.float64(1.0)) * thick + C.thick[c]
             if T.hit:
                 if T.load[row, k] > zero:                        # it is drawn back as points are
-                    reach = reach + DRAWN * wp.length(x1 - x0)
+                    reach = reach + DRAWN * length
             low = lowest(C, c, at, wp.transform_point(back, x0), wp.transform_point(back, x1), reach)
             u = low.u
             if u > zero:
                 r = mean(u, S.radius[i, k], S.radius[i + 1, k])
                 stiff = wp.max(STIFF * mean(u, S.m[i, k], S.m[i + 1, k]) / hh, FIRM * S.A[i, k])
-                deep = beneath(low, r + C.thick[c], SOFT * r)
+                deep = beneath(low, r + C.thick[c], SOFT * r, length)
                 N, slope = press(stiff, SOFT * r, deep)
                 n = wp.transform_vector(C.frame[at + 1, c], low.n)
                 if N > t.N or (t.N == zero and deep > side.deep):
