@@ -75,6 +75,14 @@ def symmetric(at: int, first: int, lane: int):
 
 
 @wp.func
+def column(at: int, first: int, lane: int):
+    """Column `lane` < 3 of a 3 x 3 block whose rows stand from `first` on; 0 in lane 3."""
+    zero = wp.float64(0.0)
+    c = first + wp.min(lane, 2)
+    return wp.vec4d(got(at, c), got(at, c + 3), got(at, c + 6), zero) * wp.where(lane < 3, wp.float64(1.0), zero)
+
+
+@wp.func
 def own_block(at: int, lane: int, w: Window):
     """The window with a third point."""
     zero = wp.float64(0.0)
@@ -201,8 +209,8 @@ def eliminating(meets: bool, airy: bool):
         w.r1 = w.r1 - r * w.m1[0]
         if wp.static(meets):
             w.D1 = w.D1 + symmetric(at, wp.static(MORE), lane) * w.m1[0]
-            w.P = w.P + symmetric(at, wp.static(MORE + 6), lane) * (w.m0[0] * w.m1[0])
-            f = got3(at, wp.static(MORE + 12))
+            w.P = w.P + column(at, wp.static(MORE + 6), lane) * (w.m0[0] * w.m1[0])
+            f = got3(at, wp.static(MORE + 15))
             w.r1 = w.r1 + wp.vec4d(f[0], f[1], f[2], zero) * w.m1[0]
         if wp.static(airy):
             K = symmetric(at, wp.static(air + 3), lane)

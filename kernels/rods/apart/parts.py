@@ -10,7 +10,7 @@ LANES = 4
 # Numbers of a point: of itself; of the edge behind it; of the bend at it; of colliders, and of the air, on that edge
 SYMMETRIC, LAST, RIGHT, FREE = 0, 6, 7, 11   # upper triangle of its block, by rows; the angle's; right side; 1: free, it spins
 EDGE, BENT, MORE = 13, 19, 46                # MORE: colliders' MET, if there are any, then the air's AIR
-MET, AIR = 15, 9
+MET, AIR = 18, 9
 OFF, SLOPES, SPINS, OWN, TORQUES = BENT, BENT + 3, BENT + 21, BENT + 24, BENT + 25      # of a bend
 STEPS = 5                        # of points whose numbers are under way from memory
 Bend = bend().Bend
@@ -23,8 +23,8 @@ class Parts:
     part (`numbers`, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
     from EDGE on the tangent, stiffness along it less that across, that across [N/m], tension [N]; from BENT on strains less
     those at rest, their gradients by both edges and, as `spinning` has them, by the angles, all times the root of their
-    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; of colliders the upper triangles of the
-    stiffness of the edge's second point, and of that between both [N/m], and the force on the second [N]; of the air half its
+    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; of colliders the upper triangle of the
+    stiffness of the edge's second point, that between both by rows [N/m], and the force on the second [N]; of the air half its
     force [N], and the upper triangle of its stiffness [N/m]"""
 
     part: wp.array3d(dtype=wp.float64)
@@ -70,8 +70,9 @@ def numbers(meets: bool, airy: bool) -> int:
 def keep_inside(A: Parts, i: int, k: int, t: Inside):
     """Stores what colliders give the edge behind a point, but for the point's own part."""
     keep_symmetric(A.part, wp.static(MORE), i, k, t.K1[0], t.K1[1], t.K1[2])
-    keep_symmetric(A.part, wp.static(MORE + 6), i, k, t.K[0], t.K[1], t.K[2])
-    keep(A.part, wp.static(MORE + 12), i, k, t.f1)
+    for c in range(wp.static(3)):
+        keep(A.part, wp.static(MORE + 6) + 3 * c, i, k, t.K[c])
+    keep(A.part, wp.static(MORE + 15), i, k, t.f1)
 
 
 @wp.func
