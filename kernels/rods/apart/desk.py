@@ -1,10 +1,8 @@
 """Blocks that the LANES threads of a strand hand each other, and numbers under way from memory to them (CUDA, sm_80 and up)."""
 
-from functools import cache
-
 import warp as wp
 
-from wsim.kernels.rods.apart.parts import BENT, EDGE, MORE, STEPS
+from wsim.kernels.rods.apart.parts import BENT, EDGE, MORE, SIZES, STEPS
 
 
 @wp.func_native("""
@@ -62,21 +60,18 @@ def gather():
     ...
 
 
-@cache
-def desks(numbers: int):
-    """Function () -> address in shared memory where so many numbers of a strand's points are put, STEPS points in turn."""
-    @wp.func_native(f"""
+@wp.func_native("".join(f"""
 #if defined(__CUDA_ARCH__)
-    __shared__ double room[8 * {STEPS} * {numbers}];
-    return (int)__cvta_generic_to_shared(room) + 8 * (threadIdx.x >> 2);
-#else
-    return 0;
+    if (numbers == {each}) {{
+        __shared__ double room[8 * {STEPS} * {each}];
+        return (int)__cvta_generic_to_shared(room) + 8 * (threadIdx.x >> 2);
+    }}
 #endif
-""")
-    def desk() -> int:
-        ...
-
-    return desk
+""" for each in SIZES) + "return 0;")
+def desk(numbers: int) -> int:
+    """Address in shared memory where so many numbers (one of SIZES, known at compile time: the others' memory is dropped) of a
+    strand's points are put, STEPS points in turn."""
+    ...
 
 
 @wp.func_native(f"""

@@ -77,13 +77,13 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
         D, r = point(S, C, Q, T, p, i, k)
         if wp.static(meets):
             if i + 1 < n:
-                t = Inside()
+                met = Inside()
                 if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
-                    t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
-                keep_inside(A, i, k, t)
+                    met = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
+                keep_inside(A, i, k, met)
                 if S.hold[i, k] < 0:
-                    D = add(D, t.K0)
-                    r = r + split(t.f0, wp.float64(0.0))
+                    D = add(D, met.K0)
+                    r = r + split(met.f0, wp.float64(0.0))
         keep_symmetric(A.part, wp.static(SYMMETRIC), i, k, wp.vec3d(D[0, 0], D[0, 1], D[0, 2]),
                        wp.vec3d(D[1, 0], D[1, 1], D[1, 2]), wp.vec3d(D[2, 0], D[2, 1], D[2, 2]))
         A.part[wp.static(LAST), i, k] = D[3, 3]

@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.apart.desk import arrive, desks, fetch, got, got3, meet, sent, together, whole
+from wsim.kernels.rods.apart.desk import arrive, desk, fetch, got, got3, meet, sent, together, whole
 from wsim.kernels.rods.apart.parts import (
     EDGE,
     FREE,
@@ -192,8 +192,6 @@ def eliminated(A: Parts, w: Window, at: int, i: int, k: int, lane: int):
 def eliminating(meets: bool, airy: bool):
     """Function (T, A, n, lane, k) -> greatest correction of a strand's n points [m], of which T.z has all."""
     count, air = numbers(meets, airy), numbers(meets, False)
-    most = max(count, 2 * LANES**2 + LANES)
-    desk = desks(most)
 
     @wp.func
     def stretch(at: int, w: Window, lane: int):
@@ -229,12 +227,12 @@ def eliminating(meets: bool, airy: bool):
         w = Window()
         for j in range(wp.static(STEPS)):
             if j < n + 2:
-                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * most) * j, True)
+                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * count) * j, True)
             sent()
         slot = int(0)
         for j in range(n + 2):
             i = j - 2
-            at = desk + wp.static(64 * most) * slot
+            at = desk + wp.static(64 * count) * slot
             arrive()
             w = own_block(at, lane, w)
             w.N = wp.vec4d()
@@ -261,12 +259,12 @@ def eliminating(meets: bool, airy: bool):
         most = wp.float64(0.0)
         for j in range(wp.static(STEPS)):
             if j < n:
-                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * most) * j, False)
+                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * count) * j, False)
             sent()
         slot = int(0)
         for j in range(n):
             i = n - 1 - j
-            at = desk + wp.static(64 * most) * slot
+            at = desk + wp.static(64 * count) * slot
             arrive()
             z = got(at, wp.static(2 * LANES * LANES) + lane)
             row = wp.static(LANES) * lane
@@ -286,7 +284,7 @@ def eliminating(meets: bool, airy: bool):
 
     @wp.func
     def eliminate(T: Trial, A: Parts, n: int, lane: int, k: int):
-        place = desk()
+        place = desk(wp.static(count))
         forward(A, place, n, lane, k)
         meet()
         return backward(T, A, place, n, lane, k)

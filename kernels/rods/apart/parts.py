@@ -66,6 +66,9 @@ def numbers(meets: bool, airy: bool) -> int:
     return MORE + MET * meets + AIR * airy
 
 
+SIZES = sorted({numbers(meets, airy) for meets in (False, True) for airy in (False, True)})
+
+
 @wp.func
 def keep_inside(A: Parts, i: int, k: int, t: Inside):
     """Stores what colliders give the edge behind a point, but for the point's own part."""
