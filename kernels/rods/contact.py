@@ -184,13 +184,15 @@ def expect(T: Trial, d: wp.vec3d, i: int, k: int):
 
 
 @wp.func
-def expect_both(T: Trial, z0: wp.vec4d, z1: wp.vec4d, n: int, i: int, k: int):
-    """`expect` of a point among n, and of the edge behind it, of corrections z0 and z1 of its points."""
+def expect_all(T: Trial, z0: wp.vec4d, z1: wp.vec4d, n: int, i: int, k: int):
+    """`expect` of a point among n, and of both places of the edge behind it, of corrections z0 and z1 of its points."""
     d0 = wp.vec3d(z0[0], z0[1], z0[2])
     expect(T, d0, i, k)
     if i + 1 < n:
         d1 = wp.vec3d(z1[0], z1[1], z1[2])
-        expect(T, d0 + (d1 - d0) * T.inside[i, k][0], T.x.shape[0] + i, k)
+        for which in range(1, 3):
+            row = T.x.shape[0] * which + i
+            expect(T, d0 + (d1 - d0) * T.inside[row, k][0], row, k)
 
 
 @wp.func

@@ -17,7 +17,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.air import blow, velocity
-from wsim.kernels.rods.contact import TINY, Colliders, expect_both, touching
+from wsim.kernels.rods.contact import TINY, Colliders, expect_all, touching
 from wsim.kernels.rods.element import bend, spinning, transport, turned, upright
 from wsim.kernels.rods.eliminate import Window, eliminating
 from wsim.kernels.rods.inside import Inside, inside
@@ -252,7 +252,7 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
     whole = wp.where(part < wp.float64(0.0), part, wp.float64(1.0))
     if T.hit:
         for i in range(n):
-            expect_both(T, T.z[i, k], T.z[wp.min(i + 1, n - 1), k], n, i, k)
+            expect_all(T, T.z[i, k], T.z[wp.min(i + 1, n - 1), k], n, i, k)
     x0 = T.x[0, k]
     z = T.z[0, k]
     y0 = x0 + wp.vec3d(z[0], z[1], z[2]) * part

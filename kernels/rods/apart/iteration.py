@@ -23,7 +23,7 @@ from wsim.kernels.rods.apart.parts import (
     keep_symmetric,
     numbers,
 )
-from wsim.kernels.rods.contact import Colliders, expect_both
+from wsim.kernels.rods.contact import Colliders, expect_all
 from wsim.kernels.rods.element import transport, turned, upright
 from wsim.kernels.rods.inside import Inside, inside
 from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
@@ -48,7 +48,7 @@ def take(S: Strands, T: Trial, A: Parts, i: int, k: int):
     z0 = T.z[i, k]
     z1 = T.z[wp.min(i + 1, n - 1), k]
     if T.hit:
-        expect_both(T, z0 / A.taken[k], z1 / A.taken[k], n, i, k)
+        expect_all(T, z0 / A.taken[k], z1 / A.taken[k], n, i, k)
     if i + 1 >= n:
         return
     e = T.x[i + 1, k] - T.x[i, k]

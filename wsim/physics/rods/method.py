@@ -29,8 +29,9 @@ FIELDS = (Field("x", "m", True, "position relative to the strand's first point a
           Field("load", "N", True, "normal force of a collider on it", "double"),
           Field("phi", "rad", True, "twist at a point", "double"),
           Field("begun", "1", True, "1: it carries on the step before", "int"))
-EDGES = (Field("edge_stick", "m", True, "bristle of an edge that touches a collider between its points", "vec3d"),
-         Field("edge_load", "N", True, "normal force of a collider on it", "double"))
+EDGES = tuple(field for k, which in ((1, "first"), (2, "second")) for field in (
+    Field(f"stick{k}", "m", True, f"bristle of the {which} place where an edge touches a collider between its points", "vec3d"),
+    Field(f"load{k}", "N", True, "normal force of a collider there", "double")))
 LONGEST = 1.0 / 240.0         # [s] of a substep: BDF2 is off by (omega h)^2 / 3 of a frequency, 1e-3 at 2 Hz
 APART: bool | None = None     # a launch for each part of an iteration; None: on a GPU
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
@@ -159,10 +160,11 @@ class Strands(Method):
                  "near": wp.mat44d, "far": wp.mat44d, "z": wp.vec4d}
         more: dict = {}
         if self.obstacles.kinds:
-            types |= {"inside": wp.vec3d, "bristle": wp.vec3d}
+            places: dict = {"inside": wp.vec3d, "bristle": wp.vec3d}
+            if not together:
+                places |= {"slip": wp.vec3d, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d, "lean": wp.vec3d}
+            more = {name: wp.zeros((3 * two[0], two[1]), dtype=kind, device=device) for name, kind in places.items()}
         if self.obstacles.kinds and not together:
-            both = {"slip": wp.vec3d, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d, "lean": wp.vec3d}
-            more = {name: wp.zeros((2 * two[0], two[1]), dtype=kind, device=device) for name, kind in both.items()}
             more["drawn"] = wp.zeros(self.table.strands, dtype=wp.float64, device=device)
         return filled(tables.Trial, **more, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
 
