@@ -115,12 +115,13 @@ def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp
 
 
 @wp.func
-def bound(S: Strands, Q: Motion, n: wp.vec3d, N: wp.float64, hh: wp.float64, i: int, k: int):
-    """Normal force that friction goes by [N], of a point that is pressed with N."""
-    load = wp.min(Q.load[i, k], wp.float64(2.0) * N)
+def bound(before: wp.float64, m: wp.float64, v: wp.vec3d, g: wp.vec3d, n: wp.vec3d, N: wp.float64, hh: wp.float64):
+    """Normal force that friction goes by [N], of a place that is pressed with N. before: that of the substep before [N]; m: mass
+    [kg]; v: velocity [m/s]; g: gravity [m/s^2]."""
+    load = wp.min(before, wp.float64(2.0) * N)
     if load == wp.float64(0.0):
-        blow = wp.abs(wp.dot(n, Q.v[i, k])) / wp.sqrt(hh) + wp.length(S.gravity[k])
-        load = wp.min(N, wp.float64(2.0) * S.m[i, k] * blow)
+        blow = wp.abs(wp.dot(n, v)) / wp.sqrt(hh) + wp.length(g)
+        load = wp.min(N, wp.float64(2.0) * m * blow)
     return load
 
 
@@ -162,13 +163,11 @@ def pressed(T: Trial, t: Touch, side: Side, stiff: wp.float64, w: wp.float64, i:
 
 
 @wp.func
-def expect(T: Trial, i: int, k: int):
-    """Normal force of a point as its correction makes it, and the direction of friction. Friction goes by that force, and moves
-    what makes it, at times to and fro: a change that turns back by more than half of the last is halved."""
-    z = T.z[i, k]
+def expect(T: Trial, d: wp.vec3d, i: int, k: int):
+    """Normal force of a point as its correction d makes it, and the direction of friction. Friction goes by that force, and
+    moves what makes it, at times to and fro: a change that turns back by more than half of the last is halved."""
     hit = T.hit[i, k]
     half = wp.float64(0.5)
-    d = wp.vec3d(z[0], z[1], z[2])
     N = hit[3] - wp.dot(wp.vec3d(hit[0], hit[1], hit[2]), d)
     change = N - wp.max(T.load[i, k], wp.float64(0.0))
     last = T.change[i, k]
@@ -185,8 +184,20 @@ def expect(T: Trial, i: int, k: int):
 
 
 @wp.func
+def expect_all(T: Trial, z0: wp.vec4d, z1: wp.vec4d, n: int, i: int, k: int):
+    """`expect` of a point among n, and of both places of the edge behind it, of corrections z0 and z1 of its points."""
+    d0 = wp.vec3d(z0[0], z0[1], z0[2])
+    expect(T, d0, i, k)
+    if i + 1 < n:
+        d1 = wp.vec3d(z1[0], z1[1], z1[2])
+        for which in range(1, 3):
+            row = T.x.shape[0] * which + i
+            expect(T, d0 + (d1 - d0) * T.inside[row, k][0], row, k)
+
+
+@wp.func
 def forget(T: Trial, i: int, k: int):
-    """A point that no correction has moved yet."""
+    """A point, or an edge, that no correction has moved yet."""
     T.load[i, k] = wp.float64(0.0)
     T.change[i, k] = wp.float64(0.0)
     T.slip[i, k] = wp.vec3d(FAR, wp.float64(0.0), wp.float64(0.0))
@@ -270,7 +281,7 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
             lean = T.lean[i, k]
             T.slip[i, k] = (s - side.n * wp.dot(side.n, s)) * wp.where(N > wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
         if N > wp.float64(0.0):
-            N = bound(S, Q, side.n, N, hh, i, k)
+            N = bound(Q.load[i, k], S.m[i, k], Q.v[i, k], S.gravity[k], side.n, N, hh)
             found = rub(found, side.n, s, N, stiff, C.friction[side.c, k], lean)
         return found
 

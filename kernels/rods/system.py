@@ -17,9 +17,10 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.rods.air import blow, velocity
-from wsim.kernels.rods.contact import TINY, Colliders, expect, touching
+from wsim.kernels.rods.contact import TINY, Colliders, expect_all, touching
 from wsim.kernels.rods.element import bend, spinning, transport, turned, upright
 from wsim.kernels.rods.eliminate import Window, eliminating
+from wsim.kernels.rods.inside import Inside, inside
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
 
 _bend = bend()
@@ -81,6 +82,30 @@ def push(S: Strands, w: Window, f: wp.vec3d, K: wp.mat33d, i: int, k: int):
 
 
 @wp.func
+def add(D: wp.mat44d, K: wp.mat33d):
+    """A block with a stiffness of a point added."""
+    m = int(3)
+    for a in range(m):
+        for b in range(m):
+            D[a, b] = D[a, b] + K[a, b]
+    return D
+
+
+@wp.func
+def lean(S: Strands, w: Window, t: Inside, i: int, k: int):
+    """The window with forces of colliders on an edge, its first two points."""
+    one = wp.float64(1.0)
+    free0 = wp.where(S.hold[i, k] < 0, one, one - one)
+    free1 = wp.where(S.hold[i + 1, k] < 0, one, one - one)
+    w.D0 = add(w.D0, t.K0 * free0)
+    w.D1 = add(w.D1, t.K1 * free1)
+    w.P = add(w.P, t.K * (free0 * free1))
+    w.r0 = w.r0 + split(t.f0, wp.float64(0.0)) * free0
+    w.r1 = w.r1 + split(t.f1, wp.float64(0.0)) * free1
+    return w
+
+
+@wp.func
 def stretch(S: Strands, T: Trial, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
     """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives, that
     of the last correction: edges that turn are too long before the next one, which would hold them fast."""
@@ -134,16 +159,6 @@ def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
     return w
 
 
-@wp.func
-def add(D: wp.mat44d, K: wp.mat33d):
-    """A block with a stiffness of a point added."""
-    m = int(3)
-    for a in range(m):
-        for b in range(m):
-            D[a, b] = D[a, b] + K[a, b]
-    return D
-
-
 @cache
 def pointing(kinds: tuple[str, ...], airy: bool, pressed: bool):
     """Function (S, C, Q, T, p, i, k) -> diagonal block and right-hand side of a point: all but what edges and bends give."""
@@ -184,6 +199,7 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
     is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
     left for more right-hand sides."""
     eliminate, point = eliminating(pressed), pointing(kinds, airy, pressed)
+    meets, touch = bool(kinds), inside(kinds).touch if kinds else None
 
     @wp.func
     def forward(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
@@ -199,6 +215,9 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
             w.r2 = r
             if i >= 0 and i + 1 < n:
                 w = stretch(S, T, w, t0, l0, i, k)
+                if wp.static(meets):
+                    if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
+                        w = lean(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
                 if wp.static(airy):
                     f, K = blow(S, Q, T, p, i, k)
                     w = push(S, w, f, K, i, k)
@@ -235,7 +254,7 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
     whole = wp.where(part < wp.float64(0.0), part, wp.float64(1.0))
     if T.hit:
         for i in range(n):
-            expect(T, i, k)
+            expect_all(T, T.z[i, k], T.z[wp.min(i + 1, n - 1), k], n, i, k)
     x0 = T.x[0, k]
     z = T.z[0, k]
     y0 = x0 + wp.vec3d(z[0], z[1], z[2]) * part

@@ -51,6 +51,10 @@ class Motion:
     begun: wp.array2d(dtype=int)                    # 1: a point, and its edge, carry on the step before; 0: they start anew
     stick: wp.array2d(dtype=wp.vec3d)               # bristle of a point that touches a collider [m]
     load: wp.array2d(dtype=wp.float64)              # normal force on it [N]
+    stick1: wp.array2d(dtype=wp.vec3d)              # of both places where an edge touches a collider between its points:
+    stick2: wp.array2d(dtype=wp.vec3d)              # bristles [m]
+    load1: wp.array2d(dtype=wp.float64)             # normal forces on it [N]; only where there are colliders
+    load2: wp.array2d(dtype=wp.float64)
     w: wp.array2d(dtype=wp.vec3d)                   # of edges: spin about the tangent [rad/s], turn before [rad], spin before
 
 
@@ -64,10 +68,13 @@ class Trial:
     turn: wp.array2d(dtype=wp.float64)              # of edges about their tangents in this substep [rad]
     pull: wp.array2d(dtype=wp.float64)              # tension of edges, as the last correction had it [N]
     slip: wp.array2d(dtype=wp.vec3d)                # over a collider [m], 0 of a point without friction; this and four more
-    load: wp.array2d(dtype=wp.float64)              # where strands meet colliders alone: normal force as that had it [N]
+    load: wp.array2d(dtype=wp.float64)              # where strands meet colliders alone: normal force as that had it [N];
+                                                    # rows of edges' first and second places behind those of points
     change: wp.array2d(dtype=wp.float64)            # how much that changed it [N]
     hit: wp.array2d(dtype=wp.vec4d)                 # normal of a contact times its stiffness [N/m], and its normal force [N]
     lean: wp.array2d(dtype=wp.vec3d)                # friction of one that slips over - mu N, as that had it
+    inside: wp.array2d(dtype=wp.vec3d)              # of edges that touch a collider: y, normal force [N], how deep [m]
+    bristle: wp.array2d(dtype=wp.vec3d)             # and their bristles [m]
     drawn: wp.array(dtype=wp.float64)               # of strands: farthest a point is drawn to a collider, or anew in one [m]
     near: wp.array2d(dtype=wp.mat44d)               # factor towards the next point
     far: wp.array2d(dtype=wp.mat44d)                # towards the one behind it

@@ -5,22 +5,26 @@ import pytest
 import warp as wp
 
 from tests.physics.rods.rig import on_ball, scene
+from wsim.geometry import primitives
 from wsim.physics.rods import method
-from wsim.scene import Box, Sphere
+from wsim.scene import Box, Motion, Sphere, Surface
+from wsim.scene.solids import Capsule
 from wsim.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here: run on a GPU machine")
 
 
-def fallen(device: str, shape) -> tuple[np.ndarray, np.ndarray]:
-    """A strand that is held at one end and falls over a shape."""
+def fallen(device: str, shape, place=(0.0, 0.0, 0.0), wind=0.0, frames=12) -> tuple[np.ndarray, np.ndarray]:
+    """A strand that is held at one end and falls over a shape at a place."""
     x = np.zeros((14, 3))
     x[:, 0], x[:, 1] = np.linspace(0.0, 0.6, 14), 0.3
     made, rods = scene(x, gravity=(0.0, -9.81, 0.0), young=1e6)
     rods.pin("/clamp", [0, 1])
-    made.collider("/shape", shape)
+    made.collider("/shape", shape, motion=Motion.at_place(place))
+    if wind:
+        made.wind, made.air_drag, rods.drag = (0.0, 0.0, wind), 0.1, 1.0
     simulation = Simulation(made, device=device)
-    simulation.run(12)
+    simulation.run(frames)
     return simulation.plan.method("rods").points(0)
 
 
@@ -30,6 +34,19 @@ def test_a_strand_goes_where_it_does_on_a_cpu(shape):
     assert np.abs(one[0] - other[0]).max() < 1e-5                              # iterations end at 1e-6 of an edge
     assert np.abs(one[1] - other[1]).max() < 1e-2
     assert all(np.array_equal(a, b) for a, b in zip(one, fallen("cuda:0", shape), strict=True))
+
+
+TUBE, FACES = primitives.capsule(0.01, 0.01, 0.3, 24)
+
+
+@pytest.mark.parametrize("shape", [Capsule(0.004, 0.3), Box((0.01, 0.01, 0.3)),
+                                   Surface(TUBE, np.full(len(FACES), 3), FACES.ravel())], ids=["wire", "bar", "mesh"])
+@pytest.mark.parametrize("wind", [0.0, 3.0])
+def test_a_strand_that_a_thin_collider_meets_between_its_points_goes_where_it_does_on_a_cpu(shape, wind):
+    one, other = (fallen(device, shape, (0.3, 0.2, 0.0), wind, 30) for device in ("cuda:0", "cpu"))
+    assert np.abs(one[0] - other[0]).max() < 1e-5 and np.abs(one[1] - other[1]).max() < 1e-2
+    assert one[0][7, 1] > 0.2                                                  # it would be at 0.05
+    assert all(np.array_equal(a, b) for a, b in zip(one, fallen("cuda:0", shape, (0.3, 0.2, 0.0), wind, 30), strict=True))
 
 
 def test_a_hair_in_the_wind_goes_where_it_does_on_a_cpu():

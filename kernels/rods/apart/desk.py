@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from wsim.kernels.rods.apart.parts import AIR, BENT, EDGE, NUMBERS, STEPS
+from wsim.kernels.rods.apart.parts import BENT, EDGE, MORE, SIZES, STEPS
 
 
 @wp.func_native("""
@@ -60,23 +60,24 @@ def gather():
     ...
 
 
-@wp.func_native(f"""
+@wp.func_native("".join(f"""
 #if defined(__CUDA_ARCH__)
-    __shared__ double room[8 * {STEPS * NUMBERS}];
-    return (int)__cvta_generic_to_shared(room) + 8 * (threadIdx.x >> 2);
-#else
-    return 0;
+    if (numbers == {each}) {{
+        __shared__ double room[8 * {STEPS} * {each}];
+        return (int)__cvta_generic_to_shared(room) + 8 * (threadIdx.x >> 2);
+    }}
 #endif
-""")
-def desk() -> int:
-    """Address in shared memory where a strand's numbers are put, STEPS points in turn."""
+""" for each in SIZES) + "return 0;")
+def desk(numbers: int) -> int:
+    """Address in shared memory where so many numbers (one of SIZES, known at compile time: the others' memory is dropped) of a
+    strand's points are put, STEPS points in turn."""
     ...
 
 
 @wp.func_native(f"""
 #if defined(__CUDA_ARCH__)
     for (int c = threadIdx.x & 3; c < count; c += 4) {{
-        const int row = max(i + (ahead ? c < {EDGE} ? 2 : c < {BENT} || c >= {AIR} ? 0 : 1 : 0), 0);
+        const int row = max(i + (ahead ? c < {EDGE} ? 2 : c < {BENT} || c >= {MORE} ? 0 : 1 : 0), 0);
         const char* from = (const char*)a.data + (size_t)a.strides[0] * c + (size_t)a.strides[1] * row + 8 * (size_t)k;
         asm volatile("cp.async.ca.shared.global [%0], [%1], 8;" :: "r"(to + 64 * c), "l"(from) : "memory");
     }}

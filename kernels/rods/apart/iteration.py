@@ -11,11 +11,23 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.rods.air import blow
-from wsim.kernels.rods.apart.parts import AIR, LAST, RIGHT, SYMMETRIC, Parts, keep, keep_bend, keep_edge, keep_symmetric
-from wsim.kernels.rods.contact import Colliders, expect
+from wsim.kernels.rods.apart.parts import (
+    LAST,
+    RIGHT,
+    SYMMETRIC,
+    Parts,
+    keep,
+    keep_bend,
+    keep_edge,
+    keep_inside,
+    keep_symmetric,
+    numbers,
+)
+from wsim.kernels.rods.contact import Colliders, expect_all
 from wsim.kernels.rods.element import transport, turned, upright
+from wsim.kernels.rods.inside import Inside, inside
 from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
-from wsim.kernels.rods.system import TINY, pointing, pulled, strains
+from wsim.kernels.rods.system import TINY, add, pointing, pulled, split, strains
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 
@@ -31,11 +43,14 @@ def begin(S: Strands, H: Holds, Q: Motion, T: Trial, A: Parts, i: int, k: int):
 
 @wp.func
 def take(S: Strands, T: Trial, A: Parts, i: int, k: int):
-    """The edge behind a point after a move: its tension, and its director."""
-    if i + 1 >= S.points[k]:
-        return
+    """A point's contact and the edge behind it after a move: its contact, its tension, and its director."""
+    n = S.points[k]
     z0 = T.z[i, k]
-    z1 = T.z[i + 1, k]
+    z1 = T.z[wp.min(i + 1, n - 1), k]
+    if T.hit:
+        expect_all(T, z0 / A.taken[k], z1 / A.taken[k], n, i, k)
+    if i + 1 >= n:
+        return
     e = T.x[i + 1, k] - T.x[i, k]
     old = e - (wp.vec3d(z1[0], z1[1], z1[2]) - wp.vec3d(z0[0], z0[1], z0[2]))
     T.pull[i, k] = pulled(S, old, (z1 - z0) / A.taken[k], i, k)
@@ -49,7 +64,8 @@ def take(S: Strands, T: Trial, A: Parts, i: int, k: int):
 def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
     """Functions of the parts. kinds: of colliders. airy: with air."""
     meets = bool(kinds)
-    point, finish = pointing(kinds, airy, False), finish_point(kinds)
+    point, finish, air = pointing(kinds, airy, False), finish_point(kinds), numbers(meets, False)
+    touch = inside(kinds).touch if meets else None
 
     @wp.func
     def measure(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, i: int, k: int):
@@ -59,6 +75,15 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
         p.h = A.h
         p.at = A.at[k]
         D, r = point(S, C, Q, T, p, i, k)
+        if wp.static(meets):
+            if i + 1 < n:
+                met = Inside()
+                if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
+                    met = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
+                keep_inside(A, i, k, met)
+                if S.hold[i, k] < 0:
+                    D = add(D, met.K0)
+                    r = r + split(met.f0, wp.float64(0.0))
         keep_symmetric(A.part, wp.static(SYMMETRIC), i, k, wp.vec3d(D[0, 0], D[0, 1], D[0, 2]),
                        wp.vec3d(D[1, 0], D[1, 1], D[1, 2]), wp.vec3d(D[2, 0], D[2, 1], D[2, 2]))
         A.part[wp.static(LAST), i, k] = D[3, 3]
@@ -73,8 +98,8 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
             keep_edge(S, T, A, i, k, t, length)
             if wp.static(airy):
                 gust, damp = blow(S, Q, T, p, i, k)
-                keep(A.part, wp.static(AIR), i, k, gust)
-                keep_symmetric(A.part, wp.static(AIR + 3), i, k, damp[0], damp[1], damp[2])
+                keep(A.part, wp.static(air), i, k, gust)
+                keep_symmetric(A.part, wp.static(air + 3), i, k, damp[0], damp[1], damp[2])
             if i > 0:
                 if S.clamped[i - 1, k] + S.clamped[i, k] < 2:
                     e0 = T.x[i, k] - T.x[i - 1, k]
@@ -109,8 +134,6 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
     @wp.func
     def move(T: Trial, A: Parts, i: int, k: int):
         """A point by its part of the correction, which is kept in its place."""
-        if wp.static(meets):
-            expect(T, i, k)
         s = T.z[i, k] * A.taken[k]
         T.z[i, k] = s
         T.x[i, k] = T.x[i, k] + wp.vec3d(s[0], s[1], s[2])

@@ -12,12 +12,11 @@ import warp as wp
 
 from wsim.kernels.rods.apart.desk import arrive, desk, fetch, got, got3, meet, sent, together, whole
 from wsim.kernels.rods.apart.parts import (
-    AIR,
     EDGE,
     FREE,
     LANES,
     LAST,
-    NUMBERS,
+    MORE,
     OFF,
     OWN,
     RIGHT,
@@ -27,6 +26,7 @@ from wsim.kernels.rods.apart.parts import (
     SYMMETRIC,
     TORQUES,
     Parts,
+    numbers,
 )
 from wsim.kernels.rods.tables import Trial
 
@@ -72,6 +72,14 @@ def symmetric(at: int, first: int, lane: int):
     y = got(at, first + wp.where(lane == 0, 1, 2 + wp.min(lane, 2)))
     z = got(at, first + wp.where(lane >= 2, 5, 2 + 2 * lane))
     return wp.vec4d(wp.where(lane < 3, x, zero), wp.where(lane < 3, y, zero), wp.where(lane < 3, z, zero), zero)
+
+
+@wp.func
+def column(at: int, first: int, lane: int):
+    """Column `lane` < 3 of a 3 x 3 block whose rows stand from `first` on; 0 in lane 3."""
+    zero = wp.float64(0.0)
+    c = first + wp.min(lane, 2)
+    return wp.vec4d(got(at, c), got(at, c + 3), got(at, c + 6), zero) * wp.where(lane < 3, wp.float64(1.0), zero)
 
 
 @wp.func
@@ -181,9 +189,9 @@ def eliminated(A: Parts, w: Window, at: int, i: int, k: int, lane: int):
 
 
 @cache
-def eliminating(airy: bool):
+def eliminating(meets: bool, airy: bool):
     """Function (T, A, n, lane, k) -> greatest correction of a strand's n points [m], of which T.z has all."""
-    count = NUMBERS if airy else AIR
+    count, air = numbers(meets, airy), numbers(meets, False)
 
     @wp.func
     def stretch(at: int, w: Window, lane: int):
@@ -197,11 +205,16 @@ def eliminating(airy: bool):
         r = t * k[2]
         w.r0 = w.r0 + r * w.m0[0]
         w.r1 = w.r1 - r * w.m1[0]
+        if wp.static(meets):
+            w.D1 = w.D1 + symmetric(at, wp.static(MORE), lane) * w.m1[0]
+            w.P = w.P + column(at, wp.static(MORE + 6), lane) * (w.m0[0] * w.m1[0])
+            f = got3(at, wp.static(MORE + 15))
+            w.r1 = w.r1 + wp.vec4d(f[0], f[1], f[2], zero) * w.m1[0]
         if wp.static(airy):
-            K = symmetric(at, wp.static(AIR + 3), lane)
+            K = symmetric(at, wp.static(air + 3), lane)
             w.P = w.P + K * (w.m0[0] * w.m1[0])
             H = H + K
-            f = got3(at, wp.static(AIR))
+            f = got3(at, wp.static(air))
             gust = wp.vec4d(f[0], f[1], f[2], zero)
             w.r0 = w.r0 + gust * w.m0[0]
             w.r1 = w.r1 + gust * w.m1[0]
@@ -214,12 +227,12 @@ def eliminating(airy: bool):
         w = Window()
         for j in range(wp.static(STEPS)):
             if j < n + 2:
-                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * NUMBERS) * j, True)
+                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * count) * j, True)
             sent()
         slot = int(0)
         for j in range(n + 2):
             i = j - 2
-            at = desk + wp.static(64 * NUMBERS) * slot
+            at = desk + wp.static(64 * count) * slot
             arrive()
             w = own_block(at, lane, w)
             w.N = wp.vec4d()
@@ -246,12 +259,12 @@ def eliminating(airy: bool):
         most = wp.float64(0.0)
         for j in range(wp.static(STEPS)):
             if j < n:
-                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * NUMBERS) * j, False)
+                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * count) * j, False)
             sent()
         slot = int(0)
         for j in range(n):
             i = n - 1 - j
-            at = desk + wp.static(64 * NUMBERS) * slot
+            at = desk + wp.static(64 * count) * slot
             arrive()
             z = got(at, wp.static(2 * LANES * LANES) + lane)
             row = wp.static(LANES) * lane
@@ -271,7 +284,7 @@ def eliminating(airy: bool):
 
     @wp.func
     def eliminate(T: Trial, A: Parts, n: int, lane: int, k: int):
-        place = desk()
+        place = desk(wp.static(count))
         forward(A, place, n, lane, k)
         meet()
         return backward(T, A, place, n, lane, k)

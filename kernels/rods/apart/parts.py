@@ -3,12 +3,14 @@
 import warp as wp
 
 from wsim.kernels.rods.element import bend, spinning
+from wsim.kernels.rods.inside import Inside
 from wsim.kernels.rods.tables import Strands, Trial
 
 LANES = 4
-# Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air on that edge
+# Numbers of a point: of itself; of the edge behind it; of the bend at it; of colliders, and of the air, on that edge
 SYMMETRIC, LAST, RIGHT, FREE = 0, 6, 7, 11   # upper triangle of its block, by rows; the angle's; right side; 1: free, it spins
-EDGE, BENT, AIR, NUMBERS = 13, 19, 46, 55
+EDGE, BENT, MORE = 13, 19, 46                # MORE: colliders' MET, if there are any, then the air's AIR
+MET, AIR = 18, 9
 OFF, SLOPES, SPINS, OWN, TORQUES = BENT, BENT + 3, BENT + 21, BENT + 24, BENT + 25      # of a bend
 STEPS = 5                        # of points whose numbers are under way from memory
 Bend = bend().Bend
@@ -18,11 +20,12 @@ Bend = bend().Bend
 class Parts:
     """Table of what points leave for their strands, and the state of Newton's method, (strands,).
 
-    part (AIR or NUMBERS, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
+    part (`numbers`, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
     from EDGE on the tangent, stiffness along it less that across, that across [N/m], tension [N]; from BENT on strains less
     those at rest, their gradients by both edges and, as `spinning` has them, by the angles, all times the root of their
-    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; from AIR on half the force of the air
-    [N], and the upper triangle of its stiffness [N/m]"""
+    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; of colliders the upper triangle of the
+    stiffness of the edge's second point, that between both by rows [N/m], and the force on the second [N]; of the air half its
+    force [N], and the upper triangle of its stiffness [N/m]"""
 
     part: wp.array3d(dtype=wp.float64)
     factor: wp.array3d(dtype=wp.float64)            # (36, points, strands): near, far, right side
@@ -50,6 +53,32 @@ def keep(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, v: wp.v
 
 
 @wp.func
+def keep_symmetric(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+    """Stores the upper triangle of a block's rows."""
+    keep(part, first, i, k, a)
+    part[first + 3, i, k] = b[1]
+    part[first + 4, i, k] = b[2]
+    part[first + 5, i, k] = c[2]
+
+
+def numbers(meets: bool, airy: bool) -> int:
+    """How many a point has. meets: there are colliders; airy: with air."""
+    return MORE + MET * meets + AIR * airy
+
+
+SIZES = sorted({numbers(meets, airy) for meets in (False, True) for airy in (False, True)})
+
+
+@wp.func
+def keep_inside(A: Parts, i: int, k: int, t: Inside):
+    """Stores what colliders give the edge behind a point, but for the point's own part."""
+    keep_symmetric(A.part, wp.static(MORE), i, k, t.K1[0], t.K1[1], t.K1[2])
+    for c in range(wp.static(3)):
+        keep(A.part, wp.static(MORE + 6) + 3 * c, i, k, t.K[c])
+    keep(A.part, wp.static(MORE + 15), i, k, t.f1)
+
+
+@wp.func
 def keep_bend(S: Strands, A: Parts, i: int, k: int, f: Bend):
     """Stores the strains of a point."""
     B = wp.sqrt(S.B[i, k])
@@ -73,12 +102,3 @@ def keep_edge(S: Strands, T: Trial, A: Parts, i: int, k: int, t: wp.vec3d, lengt
     across = wp.max(T.pull[i, k] / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
     keep(A.part, wp.static(EDGE), i, k, t)
     keep(A.part, wp.static(EDGE + 3), i, k, wp.vec3d(S.A[i, k] - across, across, tension))
-
-
-@wp.func
-def keep_symmetric(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: int, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
-    """Stores the upper triangle of a block's rows."""
-    keep(part, first, i, k, a)
-    part[first + 3, i, k] = b[1]
-    part[first + 4, i, k] = b[2]
-    part[first + 5, i, k] = c[2]

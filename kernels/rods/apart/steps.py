@@ -30,7 +30,7 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
     """Kernels over points (tid: point number * strands + place in the list) or strands: begin substeps (points), measure
     (points), solve (place * LANES + lane), take (points), finish (place * WARP + lane), enlist (strands). said: as
     `march.strands` has it. kinds: of colliders. airy: with air. few: strands at which a kind of launches ends."""
-    parts, eliminate = iteration(kinds, airy), eliminating(airy)
+    parts, eliminate = iteration(kinds, airy), eliminating(bool(kinds), airy)
     measure, judge, move, end = parts.measure, parts.judge, parts.move, parts.end
 
     @wp.kernel(enable_backward=False, module=module)

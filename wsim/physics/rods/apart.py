@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from wsim.kernels.rods.apart.parts import AIR, FREE, LANES, LAST, NUMBERS, Parts
+from wsim.kernels.rods.apart.parts import FREE, LANES, LAST, Parts, numbers
 from wsim.kernels.rods.apart.steps import WARP, apart
 from wsim.model.stage import Clock
 from wsim.model.structs import filled
@@ -25,7 +25,8 @@ class Apart:
         self.strands, table, self.device = strands, strands.table, device
         self.begin, self.measure, self.solve, self.take, self.finish, self.enlist = apart(
             strands.obstacles.kinds, strands.airy, module)
-        m, part = table.strands, np.zeros((NUMBERS if strands.airy else AIR, table.longest + 2, table.strands))
+        m, count = table.strands, numbers(bool(strands.obstacles.kinds), strands.airy)
+        part = np.zeros((count, table.longest + 2, m))
         end = np.arange(table.longest + 2)[:, None] >= table.counts
         for k in (0, 3, 5, LAST):                        # the diagonal
             part[k] = end

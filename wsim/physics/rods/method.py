@@ -29,6 +29,9 @@ FIELDS = (Field("x", "m", True, "position relative to the strand's first point a
           Field("load", "N", True, "normal force of a collider on it", "double"),
           Field("phi", "rad", True, "twist at a point", "double"),
           Field("begun", "1", True, "1: it carries on the step before", "int"))
+EDGES = tuple(field for k, which in ((1, "first"), (2, "second")) for field in (
+    Field(f"stick{k}", "m", True, f"bristle of the {which} place where an edge touches a collider between its points", "vec3d"),
+    Field(f"load{k}", "N", True, "normal force of a collider there", "double")))
 LONGEST = 1.0 / 240.0         # [s] of a substep: BDF2 is off by (omega h)^2 / 3 of a frequency, 1e-3 at 2 Hz
 APART: bool | None = None     # a launch for each part of an iteration; None: on a GPU
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
@@ -132,10 +135,10 @@ class Strands(Method):
         return Together(self, name, status, self.model.device)
 
     def _allocate(self, b, meeting: bool, bearing: bool) -> None:
-        t, device, more = self.table, self.model.device, ()           # type: Any, Any, tuple[Field, ...]
+        t, device, more = self.table, self.model.device, EDGES if self.obstacles.kinds else ()
         if meeting:
             from wsim.physics.rods.among import PUSH
-            more = PUSH
+            more += PUSH
         if bearing:
             from wsim.physics.rods.bodies import CLING
             more += CLING
@@ -149,7 +152,8 @@ class Strands(Method):
     def moving(self) -> Any:
         """The state as kernels have it."""
         two = (self.table.longest, self.table.strands)
-        return filled(tables.Motion, **{f.name: self.part.arrays[f.name].reshape(two) for f in FIELDS})
+        fields = FIELDS + EDGES if self.obstacles.kinds else FIELDS
+        return filled(tables.Motion, **{f.name: self.part.arrays[f.name].reshape(two) for f in fields})
 
     def _trial(self, together: bool) -> Any:
         """together: strands are solved for as others are."""
@@ -157,9 +161,13 @@ class Strands(Method):
         types = {"x": wp.vec3d, "d": wp.vec3d, "phi": wp.float64, "turn": wp.float64, "pull": wp.float64,
                  "near": wp.mat44d, "far": wp.mat44d, "z": wp.vec4d}
         more: dict = {}
+        if self.obstacles.kinds:
+            places: dict = {"inside": wp.vec3d, "bristle": wp.vec3d}
+            if not together:
+                places |= {"slip": wp.vec3d, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d, "lean": wp.vec3d}
+            more = {name: wp.zeros((3 * two[0], two[1]), dtype=kind, device=device) for name, kind in places.items()}
         if self.obstacles.kinds and not together:
-            types |= {"slip": wp.vec3d, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d, "lean": wp.vec3d}
-            more = {"drawn": wp.zeros(self.table.strands, dtype=wp.float64, device=device)}
+            more["drawn"] = wp.zeros(self.table.strands, dtype=wp.float64, device=device)
         return filled(tables.Trial, **more, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
 
     def weigh(self, gravity: np.ndarray) -> None:
