@@ -116,8 +116,8 @@ def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp
 
 @wp.func
 def bound(before: wp.float64, m: wp.float64, v: wp.vec3d, g: wp.vec3d, n: wp.vec3d, N: wp.float64, hh: wp.float64):
-    """Normal force that friction goes by [N], of a place that is pressed with N. before: that of the substep before [N]; m: mass
-    [kg]; v: velocity [m/s]; g: gravity [m/s^2]."""
+    """Normal force that friction goes by [N], of a place that is pressed with N. before: that of the substep before [N]; m:
+    mass [kg]; v: velocity [m/s]; g: gravity [m/s^2]."""
     load = wp.min(before, wp.float64(2.0) * N)
     if load == wp.float64(0.0):
         blow = wp.abs(wp.dot(n, v)) / wp.sqrt(hh) + wp.length(g)

@@ -92,7 +92,7 @@ class Trial:
 
 @wp.struct
 class Pressed:
-    """What pairs of edges have (kernels/rods/touch.py), by pair, besides the list's; `of`, `many` by point."""
+    """What pairs of edges have (kernels/rods/edges/touch.py), by pair, besides the list's; `of`, `many` by point."""
 
     kept: wp.array(dtype=wp.float64)               # distance that it keeps now [m]; negative: not known yet
     k: wp.array(dtype=wp.float64)                  # [N/m]

@@ -6,8 +6,8 @@ keeps and the radii of its tubes: along the normal n that it has half way they s
 begin and g' where they end, since n . (p_i - p_j) goes linearly. What slides past does not count. Pairs that share a point
 touch always, and are none. A pair keeps the sum of the half thicknesses of its sides, and at most REST times its distance in
 the rest shape: what is near by construction is not pushed apart, so that a flat cloth less thick than a third of its edges
-lists no pairs. Strands of rods keep each other off by a law of their own (kernels/rods/touch.py): two of them keep nothing
-here, and are proven only. No pair whose tubes meet is left out for being near at rest.
+lists no pairs. Strands of rods keep each other off by a law of their own (kernels/rods/edges/touch.py): two of them keep
+nothing here, and are proven only. No pair whose tubes meet is left out for being near at rest.
 """
 
 from functools import cache

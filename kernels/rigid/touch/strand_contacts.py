@@ -11,9 +11,9 @@ import warp as wp
 from wsim.kernels.math.rotation import multiply, normalized, rotate
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double, double3, free_rotation
-from wsim.kernels.rigid.touch.flanks import Flanks, flanking
 from wsim.kernels.rigid.touch.strands import Carried, lasting
 from wsim.kernels.rods.contact import FAR, Colliders, touching
+from wsim.kernels.rods.edges.flanks import Flanks, flanking
 from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
 
 AHEAD = wp.constant(wp.float64(2.0))     # of the ways of a place and a body in a substep, within which they count as near
@@ -143,7 +143,7 @@ def meeting(kinds: tuple[str, ...]):
         away = wp.length((x0 + x1) * half - wp.vec3d(ball[0], ball[1], ball[2])) - half * wp.length(x1 - x0)
         if W.world[c] == W.strand[k] and away < ball[3] + reach:
             back = wp.transform_inverse(W.pose1[c])
-            found = flanks(C, c, wp.transform_point(back, x0), wp.transform_point(back, x1), reach)
+            found = flanks(C, c, 0, wp.transform_point(back, x0), wp.transform_point(back, x1), reach)
             found.a.n = wp.transform_vector(W.pose1[c], found.a.n)
             found.b.n = wp.transform_vector(W.pose1[c], found.b.n)
         return found

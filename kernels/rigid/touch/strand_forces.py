@@ -1,5 +1,5 @@
 """Forces of rigid bodies on strands, on their points by the law of kernels/rods/contact.py, and within their edges by that of
-kernels/rigid/touch/flanks.py. What bodies then do: kernels/rigid/touch/strands.py.
+kernels/rods/edges/flanks.py. What bodies then do: kernels/rigid/touch/strands.py.
 
     k = max(STIFF m / h^2, FIRM A, min(M / h^2, A))      M: of the body, A: E A over the edge's length; what lies on a rope
                                                          sinks by g h^2 / n on n points, or by its strain, in edges
@@ -13,11 +13,12 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rigid.touch.flanks import Flank, beneath
 from wsim.kernels.rigid.touch.strand_contacts import SITES, Spot, meeting, spot
 from wsim.kernels.rigid.touch.strands import Carried
 from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, rub
 from wsim.kernels.rods.contact import press as pressing
+from wsim.kernels.rods.edges.flanks import Flank
+from wsim.kernels.rods.edges.inside import beneath
 from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
 
 

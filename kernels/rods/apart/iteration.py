@@ -24,8 +24,8 @@ from wsim.kernels.rods.apart.parts import (
     numbers,
 )
 from wsim.kernels.rods.contact import Colliders, expect_all
+from wsim.kernels.rods.edges.inside import Inside, inside
 from wsim.kernels.rods.element import transport, turned, upright
-from wsim.kernels.rods.inside import Inside, inside
 from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
 from wsim.kernels.rods.system import TINY, add, pointing, pulled, split, strains
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial

@@ -2,8 +2,8 @@
 
 import warp as wp
 
+from wsim.kernels.rods.edges.inside import Inside
 from wsim.kernels.rods.element import bend, spinning
-from wsim.kernels.rods.inside import Inside
 from wsim.kernels.rods.tables import Strands, Trial
 
 LANES = 4

@@ -40,7 +40,6 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     yield from _edges(rods)
     yield from _directors(rods)
     yield from _pins(rods)
-    yield from _passed(rods, scene)
     for c in scene.colliders:
         if isinstance(c.shape, Surface) and getattr(getattr(c.shape.poses, "skeleton", None), "bodies", None):
             yield warning(path, f"rigid bodies drive the joints of the mesh {c.path}, and strands meet its shape at the start",
@@ -54,22 +53,6 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
                       "give wsim:selfCollision to both, or what they shall meet as a collider")
     if scene.things("Body"):
         yield from _bodies(rods, scene)
-
-
-def _passed(rods: Rods, scene: Scene) -> Iterator[Problem]:
-    """Colliders that pass between the points of strands, which alone meet them."""
-    if not scene.colliders:
-        return
-    from wsim.scene.check.narrow import half_width
-    length, radius = _lengths(rods), 0.5 * float(np.max(rods.diameters))
-    k = int(np.argmax(np.where(np.isfinite(length), length, 0.0)))
-    widths = [2.0 * (half_width(c, length[k]) + radius + (c.thickness or 0.0)) for c in scene.colliders]
-    if (found := [c.path for c, width in zip(scene.colliders, widths, strict=True) if width < length[k]]):
-        narrow = min(widths)
-        yield warning(rods.path, f"points {k} and {k + 1} are {length[k]:.3g} m apart, and strands meet colliders "
-                      f"by their points: where these are as narrow as {narrow:.3g} m with the strand they pass between, "
-                      f"such as {', '.join(found[:3])}{', ...' * (len(found) > 3)}", f"points less than {narrow:.3g} m apart",
-                      "give the curves more points, or the collider a wsim:thickness")
 
 
 def _bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:

@@ -10,7 +10,8 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.motion.points import states
-from wsim.kernels.rods import coupled, touch
+from wsim.kernels.rods import coupled
+from wsim.kernels.rods.edges import touch
 from wsim.kernels.selfcontact import cut, pairs, rows
 from wsim.model.stage import Clock, Remedy
 from wsim.model.structs import filled

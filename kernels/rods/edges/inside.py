@@ -1,5 +1,5 @@
 """Contact of a strand's edges with colliders, between their points: the law of kernels/rods/contact.py at two places of an edge
-(kernels/rods/flanks.py), with forces b f on its points and stiffness b b^T K, b = (1 - y, y).
+(kernels/rods/edges/flanks.py), with forces b f on its points and stiffness b b^T K, b = (1 - y, y).
 
     e = deep_u - w - max(-w, deep_i, deep_i+1)         deep = r - phi: what the points of an edge do not meet by themselves
 
@@ -35,7 +35,7 @@ from wsim.kernels.rods.contact import (
     pressed,
     rub,
 )
-from wsim.kernels.rods.flanks import Flank, flanking
+from wsim.kernels.rods.edges.flanks import Flank, flanking
 from wsim.kernels.rods.tables import Motion, Strands, Trial
 
 DRAWN = wp.constant(wp.float64(0.25))        # of its length: how far outside an edge that is pressed still is
@@ -104,10 +104,21 @@ class Site:
     slope: wp.float64
 
 
+@wp.struct
+class Edge:
+    """The edge behind point i of strand k in the substep at, hh: h^2 [s^2]; ends: least distance of its points [m]."""
+
+    i: int
+    k: int
+    at: int
+    hh: wp.float64
+    ends: wp.float64
+
+
 @cache
 def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
-    """Function touch(C, S, Q, T, hh, at, i, k) -> Inside of the edge behind a point in the substep at, hh: h^2, of which T.inside
-    and T.bristle remember what lasts. kinds: of colliders.
+    """Function touch(C, S, Q, T, hh, at, i, k) -> Inside of the edge behind a point in the substep at, hh: h^2, of which
+    T.inside and T.bristle remember what lasts. kinds: of colliders.
 
     Rows of T that edges have of their first places stand behind those of points, of their second behind these."""
     flanks = flanking(kinds)
@@ -117,14 +128,16 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         return wp.max(STIFF * mean(y, S.m[i, k], S.m[i + 1, k]) / hh, FIRM * S.A[i, k])
 
     @wp.func
-    def meet(C: Colliders, S: Strands, Q: Motion, T: Trial, to: Site, at: Flank, ends: wp.float64, hh: wp.float64, c: int, now: int,
-             i: int, k: int):
+    def meet(C: Colliders, S: Strands, Q: Motion, T: Trial, to: Site, at: Flank, E: Edge, c: int):
         """The site with a place in a collider."""
+        i = E.i
+        k = E.k
+        now = E.at
         zero = wp.float64(0.0)
         y = at.y
         r = mean(y, S.radius[i, k], S.radius[i + 1, k])
-        deep = beneath(at.phi, ends, r + C.thick[c], SOFT * r)
-        N, slope = press(stiffness(S, hh, y, i, k), SOFT * r, deep)
+        deep = beneath(at.phi, E.ends, r + C.thick[c], SOFT * r)
+        N, slope = press(stiffness(S, E.hh, y, i, k), SOFT * r, deep)
         if N > to.N or (to.N == zero and deep > to.side.deep):
             x = between(y, T.x[i, k], T.x[i + 1, k])
             q = at.before + wp.transform_vector(C.back[now + 1, c], T.x[i + 1, k] - T.x[i, k]) * (y - at.u)
@@ -141,8 +154,10 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         return to, N, slope
 
     @wp.func
-    def end(C: Colliders, S: Strands, Q: Motion, T: Trial, found: Inside, to: Site, hh: wp.float64, which: int, i: int, k: int):
+    def end(C: Colliders, S: Strands, Q: Motion, T: Trial, found: Inside, to: Site, E: Edge, which: int):
         """The edge with what lasts of a site, and friction with the collider that it is deepest in."""
+        i = E.i
+        k = E.k
         zero = wp.float64(0.0)
         row = T.x.shape[0] * (1 + which) + i
         N = to.N
@@ -157,7 +172,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             before = Q.load2[i, k]
         s = stick + to.side.slid
         lean = wp.vec3d()
-        stiff = stiffness(S, hh, y, i, k)
+        stiff = stiffness(S, E.hh, y, i, k)
         if T.hit:
             if to.slope == zero:
                 forget(T, row, k)
@@ -166,7 +181,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             T.slip[row, k] = (s - n * wp.dot(n, s)) * wp.where(N > zero, wp.float64(1.0), zero)
         if N > zero:
             found = roll(found, n, T.x[i + 1, k] - T.x[i, k], y, N, to.slope)
-            N = bound(before, mean(y, S.m[i, k], S.m[i + 1, k]), between(y, Q.v[i, k], Q.v[i + 1, k]), S.gravity[k], n, N, hh)
+            N = bound(before, mean(y, S.m[i, k], S.m[i + 1, k]), between(y, Q.v[i, k], Q.v[i + 1, k]), S.gravity[k], n, N, E.hh)
             t = rub(t, n, s, N, stiff, C.friction[to.side.c, k], lean)
         T.bristle[row, k] = t.s
         T.inside[row, k] = wp.vec3d(y, wp.max(to.N, zero), wp.where(to.N > zero, to.side.deep, zero))
@@ -175,6 +190,11 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
     @wp.func
     def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
         found = Inside()
+        E = Edge()
+        E.i = i
+        E.k = k
+        E.at = at
+        E.hh = hh
         first = Site()
         second = Site()
         first.side.deep = -FAR
@@ -190,15 +210,16 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         for c in range(C.kind.shape[0]):
             back = C.back[at + 1, c]
             both = flanks(C, c, at, wp.transform_point(back, x0), wp.transform_point(back, x1), reach + C.thick[c])
+            E.ends = both.ends
             if both.a.u > zero:
-                first, N, slope = meet(C, S, Q, T, first, both.a, both.ends, hh, c, at, i, k)
+                first, N, slope = meet(C, S, Q, T, first, both.a, E, c)
                 n = wp.transform_vector(C.frame[at + 1, c], both.a.n)
                 found = spread(found, n * N, wp.outer(n, n) * slope, both.a.y)
             if both.b.u > zero:
-                second, N2, slope2 = meet(C, S, Q, T, second, both.b, both.ends, hh, c, at, i, k)
+                second, N2, slope2 = meet(C, S, Q, T, second, both.b, E, c)
                 n2 = wp.transform_vector(C.frame[at + 1, c], both.b.n)
                 found = spread(found, n2 * N2, wp.outer(n2, n2) * slope2, both.b.y)
-        found = end(C, S, Q, T, found, first, hh, 0, i, k)
-        return end(C, S, Q, T, found, second, hh, 1, i, k)
+        found = end(C, S, Q, T, found, first, E, 0)
+        return end(C, S, Q, T, found, second, E, 1)
 
     return SimpleNamespace(touch=touch, name="_".join(kinds))

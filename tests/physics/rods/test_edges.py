@@ -1,0 +1,92 @@
+"""Edges of strands meet colliders between their points: what is narrower than these are apart holds them."""
+
+import numpy as np
+import pytest
+
+from tests.physics.rods.rig import RADIUS, scene, simulated
+from wsim.geometry import primitives
+from wsim.kernels.rods.march import TOLERANCE
+from wsim.scene import Box, Motion, Plane, Sphere, Surface
+from wsim.scene.solids import Capsule
+
+TUBE, FACES = primitives.capsule(0.02, 0.02, 0.3, 48)
+MESH = Surface(TUBE, np.full(len(FACES), 3), FACES.ravel())
+
+
+def placed(turn: float = 0.0, shift=(0.0, 0.0, 0.0)) -> Motion:
+    """Turned about z [rad], then shifted."""
+    frame = np.eye(4)
+    frame[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    frame[:3, 3] = shift
+    return Motion.still(frame)
+
+
+def laid(points: int, height: float, *shapes, friction: float = 0.5, shift=(0.0, 0.0, 0.0)):
+    """A metre of rope over shapes (shape, its motion), which stand between two of its points."""
+    x = np.zeros((points, 3))
+    x[:, 0], x[:, 1] = np.linspace(-0.55, 0.45, points), height
+    made, rods = scene(x + shift, gravity=(0.0, -9.81, 0.0), young=1e6, static_friction=friction, dynamic_friction=friction)
+    made.substeps = 4
+    for k, (shape, motion) in enumerate(shapes):
+        made.collider(f"/shape{k}", shape, motion=motion)
+    return made
+
+
+def run(made, frames: int = 30):
+    """Points in the end, and the most that an edge was in a shape [m] and that Newton's method left."""
+    simulation, method = simulated(made)
+    told = []
+    for _ in range(frames):
+        simulation.step()
+        told.append(method.said.numpy().max(axis=0))
+    assert not [w for w in simulation.warnings if "do not bend" not in w]                # of two points
+    return method.points(0)[0], *np.max(told, axis=0)[[2, 1]]
+
+
+@pytest.mark.parametrize("points, height, shape, turn", [
+    (11, 0.05, Sphere(0.03), 0.0), (11, 0.04, Capsule(0.02, 0.3), 0.0), (11, 0.0125, Capsule(0.002, 0.3), 0.0),
+    (11, 0.04, MESH, 0.0), (11, 0.035, Box((0.02, 0.02, 0.3)), 0.0), (6, 0.055, Box((0.04, 0.04, 0.3)), 0.0),
+    (6, 0.09, Box((0.05, 0.05, 0.3)), 0.1), (11, 0.09, Box((0.05, 0.05, 0.3)), 0.25 * np.pi)],
+    ids=["ball", "bar", "wire", "mesh", "flat", "wide", "tilted", "ridge"])
+def test_a_shape_between_two_points_holds_a_rope(points, height, shape, turn):
+    x, deep, left = run(laid(points, height, (shape, placed(turn))), 20)
+    assert left <= float(TOLERANCE) and deep < 0.1 * RADIUS
+    assert x[:, 1].max() > height - 0.03 and x[[0, -1], 1].max() < height - 0.05         # it hangs over the shape
+
+
+def test_a_rope_far_away_is_held_as_well():
+    far = np.array([1000.0, 50.0, -300.0])
+    x, *_ = run(laid(11, 0.04, (Capsule(0.02, 0.3), placed(0.0))), 12)
+    y, *_ = run(laid(11, 0.04, (Capsule(0.02, 0.3), placed(0.0, far)), shift=far), 12)
+    assert np.abs(y - far - x).max() < 1e-6
+
+
+def test_edges_alone_bear_the_weight_and_keep_what_the_law_says():
+    """A rope of one edge across two bars, its ends clear: it sinks by its weight over the stiffness, and rests."""
+    made = laid(2, 0.03, *((Capsule(0.02, 0.3), placed(0.0, (x, 0.0, 0.0))) for x in (-0.25, 0.15)))
+    x, deep, left = run(made, 60)
+    assert np.ptp(x[:, 1]) < 1e-5 and left <= float(TOLERANCE)
+    assert x[:, 1].mean() == pytest.approx(0.02 + RADIUS, abs=0.06 * RADIUS)             # floats within SOFT of a radius
+
+
+def test_a_rope_on_a_plane_and_on_a_round_shape_has_no_contacts_between_its_points():
+    for shape, height in ((Plane(), RADIUS), (Sphere(1.0), 1.0 + RADIUS)):
+        made = laid(21, height + 0.001)
+        made.collider("/shape", shape, at=(0.0, 0.0, 0.0))
+        simulation, method = simulated(made)
+        simulation.run(10)
+        part = method.part.arrays
+        assert part["load"].numpy().max() > 0.0 and part["load1"].numpy().max() == part["load2"].numpy().max() == 0.0
+
+
+def test_a_rope_over_a_bar_between_its_points_is_held_by_friction():
+    """55 cm on one side and 45 on the other: e^(mu pi) of 4.8 holds it, without friction it slides off."""
+    slid = []
+    for mu in (0.5, 0.0):
+        made = laid(11, 0.04, (Capsule(0.02, 0.3), placed(0.0)), friction=mu)
+        for c in made.colliders:
+            c.static_friction = c.dynamic_friction = mu
+        x, *_ = run(made, 30)
+        k = int(np.argmax((x[:-1, 0] < 0.0) & (x[1:, 0] >= 0.0)))
+        slid.append(abs((k - x[k, 0] / (x[k + 1, 0] - x[k, 0])) * 0.1 - 0.55))
+    assert slid[0] < 0.01 and slid[1] > 0.03
