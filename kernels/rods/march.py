@@ -43,10 +43,6 @@ def begin_point(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: in
         forget(T, i, k)
         forget(T, T.x.shape[0] + i, k)
         forget(T, 2 * T.x.shape[0] + i, k)
-    if Q.load1:                                          # what an edge touched is not carried on by its points either
-        last = wp.max(i - 1, 0)
-        if Q.load1[i, k] + Q.load2[i, k] + Q.load1[last, k] + Q.load2[last, k] > wp.float64(0.0):
-            Q.begun[i, k] = 0
     if i + 1 < S.points[k]:
         T.phi[i, k] = Q.phi[i, k]
         T.pull[i, k] = S.A[i, k] * (wp.length(Q.x[i + 1, k] - Q.x[i, k]) - S.length[i, k])
@@ -106,8 +102,12 @@ def finish_point(kinds: tuple[str, ...]):
                 t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
             Q.stick[i, k] = t.s
             Q.load[i, k] = t.N
+            row = T.x.shape[0] + i                       # edges as the last correction found them: points are moving on
+            last = row - wp.min(i, 1)
+            if T.inside[row, k][1] + T.inside[row + T.x.shape[0], k][1] + T.inside[last, k][1] + T.inside[
+                    last + T.x.shape[0], k][1] > wp.float64(0.0):
+                begun = int(0)
             if i + 1 < S.points[k]:
-                row = T.x.shape[0] + i                   # as the last correction found it: points are moving on
                 Q.stick1[i, k] = T.bristle[row, k]
                 Q.stick2[i, k] = T.bristle[row + T.x.shape[0], k]
                 Q.load1[i, k] = T.inside[row, k][1]

@@ -90,3 +90,16 @@ def test_a_rope_over_a_bar_between_its_points_is_held_by_friction():
         k = int(np.argmax((x[:-1, 0] < 0.0) & (x[1:, 0] >= 0.0)))
         slid.append(abs((k - x[k, 0] / (x[k + 1, 0] - x[k, 0])) * 0.1 - 0.55))
     assert slid[0] < 0.01 and slid[1] > 0.03
+
+
+def test_a_world_of_ropes_that_touch_steps_by_backward_euler_where_an_edge_meets_a_collider():
+    """Points that step otherwise than those they pull at would make momentum."""
+    made = laid(11, 0.04, (Capsule(0.02, 0.3), placed(0.0)))
+    made.things("Rods")[0].self_collision = True
+    simulation, method = simulated(made)
+    for _ in range(12):
+        simulation.step()
+    part = method.part.arrays
+    assert method.points(0)[0][:, 1].max() > 0.01                                        # it is held
+    assert part["load"].numpy().max() == 0.0 and part["load1"].numpy().max() + part["load2"].numpy().max() > 0.0
+    assert not part["begun"].numpy().any()
