@@ -254,7 +254,7 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
     whole = wp.where(part < wp.float64(0.0), part, wp.float64(1.0))
     if T.hit:
         for i in range(n):
-            expect_all(T, T.z[i, k], T.z[wp.min(i + 1, n - 1), k], n, i, k)
+            expect_all(T, T.z[i, k], T.z[wp.min(i + 1, n - 1), k], i, k)
     x0 = T.x[0, k]
     z = T.z[0, k]
     y0 = x0 + wp.vec3d(z[0], z[1], z[2]) * part

@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.apart.desk import arrive, desk, fetch, got, got3, meet, sent, together, whole
+from wsim.kernels.rods.apart.desk import arrive, desk, fetch, fetch_all, got, got3, meet, sent, together, whole
 from wsim.kernels.rods.apart.parts import (
     EDGE,
     FREE,
@@ -191,10 +191,10 @@ def eliminated(A: Parts, w: Window, at: int, i: int, k: int, lane: int):
 @cache
 def eliminating(meets: bool, airy: bool):
     """Function (T, A, n, lane, k) -> greatest correction of a strand's n points [m], of which T.z has all."""
-    count, air = numbers(meets, airy), numbers(meets, False)
+    count, few = numbers(meets, airy), numbers(False, airy)
 
     @wp.func
-    def stretch(at: int, w: Window, lane: int):
+    def stretch(at: int, w: Window, edges: int, lane: int):
         zero = wp.float64(0.0)
         e = got3(at, wp.static(EDGE))
         k = got3(at, wp.static(EDGE + 3))
@@ -206,15 +206,16 @@ def eliminating(meets: bool, airy: bool):
         w.r0 = w.r0 + r * w.m0[0]
         w.r1 = w.r1 - r * w.m1[0]
         if wp.static(meets):
-            w.D1 = w.D1 + symmetric(at, wp.static(MORE), lane) * w.m1[0]
-            w.P = w.P + column(at, wp.static(MORE + 6), lane) * (w.m0[0] * w.m1[0])
-            f = got3(at, wp.static(MORE + 15))
-            w.r1 = w.r1 + wp.vec4d(f[0], f[1], f[2], zero) * w.m1[0]
+            if edges == 1:
+                w.D1 = w.D1 + symmetric(at, wp.static(few), lane) * w.m1[0]
+                w.P = w.P + column(at, wp.static(few + 6), lane) * (w.m0[0] * w.m1[0])
+                f = got3(at, wp.static(few + 15))
+                w.r1 = w.r1 + wp.vec4d(f[0], f[1], f[2], zero) * w.m1[0]
         if wp.static(airy):
-            K = symmetric(at, wp.static(air + 3), lane)
+            K = symmetric(at, wp.static(MORE + 3), lane)
             w.P = w.P + K * (w.m0[0] * w.m1[0])
             H = H + K
-            f = got3(at, wp.static(air))
+            f = got3(at, wp.static(MORE))
             gust = wp.vec4d(f[0], f[1], f[2], zero)
             w.r0 = w.r0 + gust * w.m0[0]
             w.r1 = w.r1 + gust * w.m1[0]
@@ -225,9 +226,12 @@ def eliminating(meets: bool, airy: bool):
     @wp.func
     def forward(A: Parts, desk: int, n: int, lane: int, k: int):
         w = Window()
+        edges = int(0)
+        if wp.static(meets):
+            edges = A.edges[k]
         for j in range(wp.static(STEPS)):
             if j < n + 2:
-                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * count) * j, True)
+                fetch_all(A.part, wp.static(few), wp.static(count), edges, j - 2, k, desk + wp.static(64 * count) * j)
             sent()
         slot = int(0)
         for j in range(n + 2):
@@ -238,7 +242,7 @@ def eliminating(meets: bool, airy: bool):
             w.N = wp.vec4d()
             w.F = wp.vec4d()
             if i >= 0:
-                w = eliminated(A, stretch(at, w, lane), at, i, k, lane)
+                w = eliminated(A, stretch(at, w, edges, lane), at, i, k, lane)
             else:
                 w.D0 = w.D1
                 w.r0 = w.r1
@@ -246,7 +250,7 @@ def eliminating(meets: bool, airy: bool):
                 w.r1 = w.r2
             meet()
             if j + wp.static(STEPS) < n + 2:
-                fetch(A.part, wp.static(count), i + wp.static(STEPS), k, at, True)
+                fetch_all(A.part, wp.static(few), wp.static(count), edges, i + wp.static(STEPS), k, at)
             sent()
             slot = wp.where(slot + 1 == wp.static(STEPS), 0, slot + 1)
             w.m0 = w.m1
@@ -259,7 +263,7 @@ def eliminating(meets: bool, airy: bool):
         most = wp.float64(0.0)
         for j in range(wp.static(STEPS)):
             if j < n:
-                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * count) * j, False)
+                fetch(A.factor, 0, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * count) * j, False)
             sent()
         slot = int(0)
         for j in range(n):
@@ -272,7 +276,7 @@ def eliminating(meets: bool, airy: bool):
                 z -= got(at, row + c) * z1[c] + got(at, row + c + wp.static(LANES * LANES)) * z2[c]
             all = together(z)
             if j + wp.static(STEPS) < n:
-                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), i - wp.static(STEPS), k, at, False)
+                fetch(A.factor, 0, wp.static(2 * LANES * LANES + LANES), i - wp.static(STEPS), k, at, False)
             sent()
             slot = wp.where(slot + 1 == wp.static(STEPS), 0, slot + 1)
             if lane == 0:

@@ -58,7 +58,6 @@ def flanking(kinds: tuple[str, ...]):
     """Function (C, c, at, a, b, reach) -> `Flanks` of the edge from a to b in the frame of a collider where a substep ends,
     those that are nearer than reach [m]. kinds: of colliders."""
     signed = touching(kinds).signed
-    meshes = "solid" in kinds or "sheet" in kinds
 
     @wp.func
     def flank(C: Colliders, c: int, at: int, a: wp.vec3d, d: wp.vec3d, reach: wp.float64, cut: wp.vec4d, turn: wp.float64):
@@ -116,34 +115,38 @@ def flanking(kinds: tuple[str, ...]):
         d = b - a
         length = wp.length(d)
         t = d / length
-        phi, n, _ = signed(C, c, at, a + d * half)
+        phi0, n0, _0 = signed(C, c, at, a)
+        s0 = wp.dot(n0, t)
+        mesh = C.kind[c] >= SOLID
+        fall = wp.where(mesh, one, wp.max(-s0, zero))            # else phi is convex in u
+        if s0 > TURN or phi0 - fall * length >= reach:
+            return found
+        phi1, n1, _1 = signed(C, c, at, b)
+        s1 = wp.dot(n1, t)
+        if s1 <= TURN and (s0 >= -TURN or s1 < -TURN):
+            return found
+        phi, n, _2 = signed(C, c, at, a + d * half)
         s = wp.dot(n, t)
-        fall = half * wp.abs(s)                                  # phi is convex in u
-        if wp.static(meshes):
-            if C.kind[c] >= SOLID:
-                fall = half
-        if phi - fall * length < reach:
-            phi0, n0, _0 = signed(C, c, at, a)
-            phi1, n1, _1 = signed(C, c, at, b)
-            s0 = wp.dot(n0, t)
-            s1 = wp.dot(n1, t)
-            found.ends = wp.min(phi0, phi1)
-            if s0 < -TURN and s1 >= -TURN:
-                low = wp.vec4d(zero, s0, half, s)
-                if s < -TURN:
-                    low = wp.vec4d(half, s, one, s1)
-                found.a = flank(C, c, at, a, d, reach, low, -TURN)
-            if s0 <= TURN and s1 > TURN:
-                high = wp.vec4d(half, s, one, s1)
-                if s > TURN:
-                    high = wp.vec4d(zero, s0, half, s)
-                found.b = flank(C, c, at, a, d, reach, high, TURN)
-            if found.a.u > zero and found.b.u > zero:
-                middle = half * (found.a.u + found.b.u)
-                found.a.y = wp.min(found.a.y, middle)
-                found.b.y = wp.max(found.b.y, middle)
-            found.a.y = wp.min(found.a.y, one)
-            found.b.y = wp.max(found.b.y, zero)
+        fall = half * wp.where(mesh, one, wp.abs(s))
+        if phi - fall * length >= reach:
+            return found
+        found.ends = wp.min(phi0, phi1)
+        if s0 < -TURN and s1 >= -TURN:
+            low = wp.vec4d(zero, s0, half, s)
+            if s < -TURN:
+                low = wp.vec4d(half, s, one, s1)
+            found.a = flank(C, c, at, a, d, reach, low, -TURN)
+        if s1 > TURN:
+            high = wp.vec4d(half, s, one, s1)
+            if s > TURN:
+                high = wp.vec4d(zero, s0, half, s)
+            found.b = flank(C, c, at, a, d, reach, high, TURN)
+        if found.a.u > zero and found.b.u > zero:
+            middle = half * (found.a.u + found.b.u)
+            found.a.y = wp.min(found.a.y, middle)
+            found.b.y = wp.max(found.b.y, middle)
+        found.a.y = wp.min(found.a.y, one)
+        found.b.y = wp.max(found.b.y, zero)
         return found
 
     return flanks
