@@ -76,25 +76,17 @@ def desk(numbers: int) -> int:
 
 @wp.func_native(f"""
 #if defined(__CUDA_ARCH__)
-    for (int c = first + (threadIdx.x & 3); c < last; c += 4) {{
+    for (int c = threadIdx.x & 3; c < count; c += 4) {{
         const int row = max(i + (ahead ? c < {EDGE} ? 2 : c < {BENT} || c >= {MORE} ? 0 : 1 : 0), 0);
         const char* from = (const char*)a.data + (size_t)a.strides[0] * c + (size_t)a.strides[1] * row + 8 * (size_t)k;
         asm volatile("cp.async.ca.shared.global [%0], [%1], 8;" :: "r"(to + 64 * c), "l"(from) : "memory");
     }}
 #endif
 """)
-def fetch(a: wp.array3d(dtype=wp.float64), first: int, last: int, i: int, k: int, to: int, ahead: bool):
-    """Sends for numbers of point i, from first to below last. ahead: those of a point itself are of the next but one, those of
-    a bend of the next. Before the first point there is none to read."""
+def fetch(a: wp.array3d(dtype=wp.float64), count: int, i: int, k: int, to: int, ahead: bool):
+    """Sends for numbers of point i. ahead: those of a point itself are of the next but one, those of a bend of the next. Before
+    the first point there is none to read."""
     ...
-
-
-@wp.func
-def fetch_all(a: wp.array3d(dtype=wp.float64), few: int, count: int, edges: int, i: int, k: int, to: int):
-    """Sends for `count` numbers ahead, or for `few` of them where no edge of the strand touches a collider."""
-    fetch(a, 0, few, i, k, to, True)
-    if edges == 1:
-        fetch(a, few, count, i, k, to, True)
 
 
 @wp.func_native("""

@@ -16,6 +16,7 @@ from wsim.kernels.rods.apart.parts import (
     MORE,
     RIGHT,
     SYMMETRIC,
+    TOUCH,
     Parts,
     inside_own,
     keep,
@@ -80,7 +81,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
                 if now == MET:
                     A.edges[k] = 1
                 if now == MET or had >= MET:
-                    keep_inside(A, wp.static(numbers(False, airy)), i, k, met)
+                    keep_inside(A, wp.static(numbers(airy)), i, k, met)
 
     @wp.func
     def measure(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, i: int, k: int):
@@ -92,7 +93,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
         D, r = point(S, C, Q, T, p, i, k)
         if wp.static(meets):
             if T.edge[i, k] == MET and S.hold[i, k] < 0:
-                K, pressing = inside_own(A, wp.static(numbers(True, airy)), i, k)
+                K, pressing = inside_own(A, wp.static(numbers(airy) + TOUCH), i, k)
                 D = add(D, K)
                 r = r + split(pressing, wp.float64(0.0))
         keep_symmetric(A.part, wp.static(SYMMETRIC), i, k, wp.vec3d(D[0, 0], D[0, 1], D[0, 2]),

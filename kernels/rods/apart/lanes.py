@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.apart.desk import arrive, desk, fetch, fetch_all, got, got3, meet, sent, together, whole
+from wsim.kernels.rods.apart.desk import arrive, desk, fetch, got, got3, meet, sent, together, whole
 from wsim.kernels.rods.apart.parts import (
     EDGE,
     FREE,
@@ -72,14 +72,6 @@ def symmetric(at: int, first: int, lane: int):
     y = got(at, first + wp.where(lane == 0, 1, 2 + wp.min(lane, 2)))
     z = got(at, first + wp.where(lane >= 2, 5, 2 + 2 * lane))
     return wp.vec4d(wp.where(lane < 3, x, zero), wp.where(lane < 3, y, zero), wp.where(lane < 3, z, zero), zero)
-
-
-@wp.func
-def column(at: int, first: int, lane: int):
-    """Column `lane` < 3 of a 3 x 3 block whose rows stand from `first` on; 0 in lane 3."""
-    zero = wp.float64(0.0)
-    c = first + wp.min(lane, 2)
-    return wp.vec4d(got(at, c), got(at, c + 3), got(at, c + 6), zero) * wp.where(lane < 3, wp.float64(1.0), zero)
 
 
 @wp.func
@@ -191,26 +183,35 @@ def eliminated(A: Parts, w: Window, at: int, i: int, k: int, lane: int):
 @cache
 def eliminating(meets: bool, airy: bool):
     """Function (T, A, n, lane, k) -> greatest correction of a strand's n points [m], of which T.z has all."""
-    count, few = numbers(meets, airy), numbers(False, airy)
+    count = numbers(airy)
 
     @wp.func
-    def stretch(at: int, w: Window, edges: int, lane: int):
+    def stretch(A: Parts, at: int, w: Window, edges: int, i: int, k: int, lane: int):
         zero = wp.float64(0.0)
         e = got3(at, wp.static(EDGE))
-        k = got3(at, wp.static(EDGE + 3))
+        stiff = got3(at, wp.static(EDGE + 3))
         t = wp.vec4d(e[0], e[1], e[2], zero)
-        H = t * (pick(t, lane) * k[0]) + wp.vec4d(wp.where(lane == 0, k[1], zero), wp.where(lane == 1, k[1], zero),
-                                                  wp.where(lane == 2, k[1], zero), zero)
+        H = t * (pick(t, lane) * stiff[0]) + wp.vec4d(wp.where(lane == 0, stiff[1], zero), wp.where(lane == 1, stiff[1], zero),
+                                                  wp.where(lane == 2, stiff[1], zero), zero)
         w.P = w.P - H * (w.m0[0] * w.m1[0])
-        r = t * k[2]
+        r = t * stiff[2]
         w.r0 = w.r0 + r * w.m0[0]
         w.r1 = w.r1 - r * w.m1[0]
         if wp.static(meets):
+            K1 = wp.vec4d()
+            K01 = wp.vec4d()
+            f1 = wp.vec4d()
             if edges == 1:
-                w.D1 = w.D1 + symmetric(at, wp.static(few), lane) * w.m1[0]
-                w.P = w.P + column(at, wp.static(few + 6), lane) * (w.m0[0] * w.m1[0])
-                f = got3(at, wp.static(few + 15))
-                w.r1 = w.r1 + wp.vec4d(f[0], f[1], f[2], zero) * w.m1[0]
+                c = wp.static(count) + wp.min(lane, 2)
+                K1 = wp.vec4d(A.part[c, i, k], A.part[wp.where(lane == 0, wp.static(count + 1), c + 2), i, k],
+                              A.part[wp.static(count) + wp.where(lane >= 2, 5, 2 + 2 * lane), i, k], zero)
+                K01 = wp.vec4d(A.part[c + 6, i, k], A.part[c + 9, i, k], A.part[c + 12, i, k], zero)
+                f1 = wp.vec4d(A.part[wp.static(count + 15), i, k], A.part[wp.static(count + 16), i, k],
+                              A.part[wp.static(count + 17), i, k], zero)
+            on = w.m1[0] * wp.where(lane < 3, wp.float64(1.0), zero)
+            w.D1 = w.D1 + K1 * on
+            w.P = w.P + K01 * (w.m0[0] * on)
+            w.r1 = w.r1 + f1 * w.m1[0]
         if wp.static(airy):
             K = symmetric(at, wp.static(MORE + 3), lane)
             w.P = w.P + K * (w.m0[0] * w.m1[0])
@@ -231,7 +232,7 @@ def eliminating(meets: bool, airy: bool):
             edges = A.edges[k]
         for j in range(wp.static(STEPS)):
             if j < n + 2:
-                fetch_all(A.part, wp.static(few), wp.static(count), edges, j - 2, k, desk + wp.static(64 * count) * j)
+                fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * count) * j, True)
             sent()
         slot = int(0)
         for j in range(n + 2):
@@ -242,7 +243,8 @@ def eliminating(meets: bool, airy: bool):
             w.N = wp.vec4d()
             w.F = wp.vec4d()
             if i >= 0:
-                w = eliminated(A, stretch(at, w, edges, lane), at, i, k, lane)
+                w = stretch(A, at, w, edges, i, k, lane)
+                w = eliminated(A, w, at, i, k, lane)
             else:
                 w.D0 = w.D1
                 w.r0 = w.r1
@@ -250,7 +252,7 @@ def eliminating(meets: bool, airy: bool):
                 w.r1 = w.r2
             meet()
             if j + wp.static(STEPS) < n + 2:
-                fetch_all(A.part, wp.static(few), wp.static(count), edges, i + wp.static(STEPS), k, at)
+                fetch(A.part, wp.static(count), i + wp.static(STEPS), k, at, True)
             sent()
             slot = wp.where(slot + 1 == wp.static(STEPS), 0, slot + 1)
             w.m0 = w.m1
@@ -263,7 +265,7 @@ def eliminating(meets: bool, airy: bool):
         most = wp.float64(0.0)
         for j in range(wp.static(STEPS)):
             if j < n:
-                fetch(A.factor, 0, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * count) * j, False)
+                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), n - 1 - j, k, desk + wp.static(64 * count) * j, False)
             sent()
         slot = int(0)
         for j in range(n):
@@ -276,7 +278,7 @@ def eliminating(meets: bool, airy: bool):
                 z -= got(at, row + c) * z1[c] + got(at, row + c + wp.static(LANES * LANES)) * z2[c]
             all = together(z)
             if j + wp.static(STEPS) < n:
-                fetch(A.factor, 0, wp.static(2 * LANES * LANES + LANES), i - wp.static(STEPS), k, at, False)
+                fetch(A.factor, wp.static(2 * LANES * LANES + LANES), i - wp.static(STEPS), k, at, False)
             sent()
             slot = wp.where(slot + 1 == wp.static(STEPS), 0, slot + 1)
             if lane == 0:

@@ -7,11 +7,10 @@ from wsim.kernels.rods.element import bend, spinning
 from wsim.kernels.rods.tables import Strands, Trial
 
 LANES = 4
-# Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air, and of colliders, on that edge
+# Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air, and of colliders, on that edge.
 SYMMETRIC, LAST, RIGHT, FREE = 0, 6, 7, 11   # upper triangle of its block, by rows; the angle's; right side; 1: free, it spins
-EDGE, BENT, MORE = 13, 19, 46                # MORE: the air's AIR, if there is any, then colliders' TOUCH
-AIR, TOUCH = 9, 18
-OWNED = 9                        # behind them, not for the elimination: what colliders give the edge's first point
+EDGE, BENT, MORE = 13, 19, 46                # MORE: the air's AIR, if there is any, then
+AIR, TOUCH, OWNED = 9, 18, 9                 # colliders', those of the edge's second point, then those of its first
 OFF, SLOPES, SPINS, OWN, TORQUES = BENT, BENT + 3, BENT + 21, BENT + 24, BENT + 25      # of a bend
 STEPS = 5                        # of points whose numbers are under way from memory
 Bend = bend().Bend
@@ -27,7 +26,7 @@ class Parts:
     stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; of the air half its force [N], and the
     upper triangle of its stiffness [N/m]; of colliders the upper triangle of the stiffness of the edge's second point, that
     between both by rows [N/m], and the force on the second [N]: 0 where there is no contact, and read only of strands that have
-    one (`edges`)"""
+    one (`edges`); stiffness and force of the first likewise, which `measure` adds to the point's own"""
 
     part: wp.array3d(dtype=wp.float64)
     factor: wp.array3d(dtype=wp.float64)            # (36, points, strands): near, far, right side
@@ -64,12 +63,12 @@ def keep_symmetric(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: in
     part[first + 5, i, k] = c[2]
 
 
-def numbers(meets: bool, airy: bool) -> int:
-    """How many a point has. meets: there are colliders; airy: with air."""
-    return MORE + AIR * airy + TOUCH * meets
+def numbers(airy: bool) -> int:
+    """How many a point has that colliders do not touch between it and the next. airy: with air."""
+    return MORE + AIR * airy
 
 
-SIZES = sorted({numbers(meets, airy) for meets in (False, True) for airy in (False, True)})
+SIZES = (numbers(False), numbers(True))
 
 
 @wp.func

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from wsim.kernels.rods.apart.parts import FREE, LANES, LAST, OWNED, Parts, numbers
+from wsim.kernels.rods.apart.parts import FREE, LANES, LAST, OWNED, TOUCH, Parts, numbers
 from wsim.kernels.rods.apart.steps import WARP, apart
 from wsim.model.stage import Clock
 from wsim.model.structs import filled
@@ -25,8 +25,8 @@ class Apart:
         self.strands, table, self.device = strands, strands.table, device
         self.begin, self.touch, self.measure, self.solve, self.take, self.finish, self.enlist = apart(
             strands.obstacles.kinds, strands.airy, module)
-        m, count = table.strands, numbers(bool(strands.obstacles.kinds), strands.airy)
-        part = np.zeros((count + OWNED * bool(strands.obstacles.kinds), table.longest + 2, m))
+        m, count = table.strands, numbers(strands.airy) + (TOUCH + OWNED) * bool(strands.obstacles.kinds)
+        part = np.zeros((count, table.longest + 2, m))
         end = np.arange(table.longest + 2)[:, None] >= table.counts
         for k in (0, 3, 5, LAST):                        # the diagonal
             part[k] = end
