@@ -199,7 +199,8 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
     is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
     left for more right-hand sides."""
     eliminate, point = eliminating(pressed), pointing(kinds, airy, pressed)
-    meets, touch = bool(kinds), inside(kinds).touch if kinds else None
+    meets = bool(kinds)
+    clear, touch = (inside(kinds).clear, inside(kinds).touch) if meets else (None, None)
 
     @wp.func
     def forward(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
@@ -216,7 +217,7 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
             if i >= 0 and i + 1 < n:
                 w = stretch(S, T, w, t0, l0, i, k)
                 if wp.static(meets):
-                    if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
+                    if (S.hold[i, k] < 0 or S.hold[i + 1, k] < 0) and not clear(C, S, T, p.at, i, k):
                         w = lean(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
                 if wp.static(airy):
                     f, K = blow(S, Q, T, p, i, k)

@@ -26,8 +26,8 @@ from wsim.kernels.rods.apart.parts import (
     keep_symmetric,
     numbers,
 )
-from wsim.kernels.rods.contact import MET, Colliders, expect_all
-from wsim.kernels.rods.edges.inside import inside
+from wsim.kernels.rods.contact import MET, OLD, Colliders, expect_all
+from wsim.kernels.rods.edges.inside import Inside, inside
 from wsim.kernels.rods.element import transport, turned, upright
 from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
 from wsim.kernels.rods.system import TINY, add, pointing, pulled, split, strains
@@ -68,7 +68,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
     """Functions of the parts. kinds: of colliders. airy: with air."""
     meets = bool(kinds)
     point, finish = pointing(kinds, airy, False), finish_point(kinds)
-    touch = inside(kinds).touch if meets else None
+    clear, touch = (inside(kinds).clear, inside(kinds).touch) if meets else (None, None)
 
     @wp.func
     def meet(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, i: int, k: int):
@@ -76,12 +76,13 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
         if i + 1 < S.points[k]:
             if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
                 had = T.edge[i, k]
-                met = touch(C, S, Q, T, A.h * A.h, A.at[k], i, k)
-                now = T.edge[i, k]
-                if now == MET:
-                    A.edges[k] = 1
-                if now == MET or had >= MET:
-                    keep_inside(A, wp.static(numbers(airy)), i, k, met)
+                if clear(C, S, T, A.at[k], i, k):
+                    if had == OLD:
+                        keep_inside(A, wp.static(numbers(airy)), i, k, Inside())
+                else:
+                    keep_inside(A, wp.static(numbers(airy)), i, k, touch(C, S, Q, T, A.h * A.h, A.at[k], i, k))
+                    if T.edge[i, k] == MET:
+                        A.edges[k] = 1
 
     @wp.func
     def measure(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, i: int, k: int):

@@ -17,6 +17,7 @@ across the edge: a place does not follow as the edge moves along itself.
 # ruff: noqa: SIM102, UP018
 
 from functools import cache
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -54,9 +55,9 @@ class Flanks:
 
 
 @cache
-def flanking(kinds: tuple[str, ...]):
-    """Function (C, c, at, a, b, reach) -> `Flanks` of the edge from a to b in the frame of a collider where a substep ends,
-    those that are nearer than reach [m]. kinds: of colliders."""
+def flanking(kinds: tuple[str, ...]) -> SimpleNamespace:
+    """Functions (C, c, at, a, b, reach) of the edge from a to b in the frame of a collider where a substep ends: flanks, its
+    `Flanks` that are nearer than reach [m]; turns, whether it may have any. kinds: of colliders."""
     signed = touching(kinds).signed
 
     @wp.func
@@ -107,6 +108,21 @@ def flanking(kinds: tuple[str, ...]):
         return found
 
     @wp.func
+    def turns(C: Colliders, c: int, at: int, a: wp.vec3d, b: wp.vec3d, reach: wp.float64):
+        """False: the edge has no place, as its ends know."""
+        d = b - a
+        length = wp.length(d)
+        t = d / length
+        phi, n, _ = signed(C, c, at, a)
+        s = wp.dot(n, t)
+        fall = wp.where(C.kind[c] >= SOLID, wp.float64(1.0), wp.max(-s, wp.float64(0.0)))        # but for meshes phi is convex
+        if s > TURN or phi - fall * length >= reach:
+            return False
+        _1, m, _2 = signed(C, c, at, b)
+        s1 = wp.dot(m, t)
+        return s1 > TURN or (s < -TURN and s1 >= -TURN)
+
+    @wp.func
     def flanks(C: Colliders, c: int, at: int, a: wp.vec3d, b: wp.vec3d, reach: wp.float64):
         found = Flanks()
         zero = wp.float64(0.0)
@@ -115,28 +131,22 @@ def flanking(kinds: tuple[str, ...]):
         d = b - a
         length = wp.length(d)
         t = d / length
-        phi0, n0, _0 = signed(C, c, at, a)
-        s0 = wp.dot(n0, t)
-        mesh = C.kind[c] >= SOLID
-        fall = wp.where(mesh, one, wp.max(-s0, zero))            # else phi is convex in u
-        if s0 > TURN or phi0 - fall * length >= reach:
-            return found
-        phi1, n1, _1 = signed(C, c, at, b)
-        s1 = wp.dot(n1, t)
-        if s1 <= TURN and (s0 >= -TURN or s1 < -TURN):
-            return found
-        phi, n, _2 = signed(C, c, at, a + d * half)
+        phi, n, _ = signed(C, c, at, a + d * half)
         s = wp.dot(n, t)
-        fall = half * wp.where(mesh, one, wp.abs(s))
+        fall = half * wp.where(C.kind[c] >= SOLID, one, wp.abs(s))
         if phi - fall * length >= reach:
             return found
+        phi0, n0, _0 = signed(C, c, at, a)
+        phi1, n1, _1 = signed(C, c, at, b)
+        s0 = wp.dot(n0, t)
+        s1 = wp.dot(n1, t)
         found.ends = wp.min(phi0, phi1)
         if s0 < -TURN and s1 >= -TURN:
             low = wp.vec4d(zero, s0, half, s)
             if s < -TURN:
                 low = wp.vec4d(half, s, one, s1)
             found.a = flank(C, c, at, a, d, reach, low, -TURN)
-        if s1 > TURN:
+        if s0 <= TURN and s1 > TURN:
             high = wp.vec4d(half, s, one, s1)
             if s > TURN:
                 high = wp.vec4d(zero, s0, half, s)
@@ -149,4 +159,4 @@ def flanking(kinds: tuple[str, ...]):
         found.b.y = wp.max(found.b.y, zero)
         return found
 
-    return flanks
+    return SimpleNamespace(flanks=flanks, turns=turns)

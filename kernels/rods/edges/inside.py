@@ -119,11 +119,12 @@ class Edge:
 
 @cache
 def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
-    """Function touch(C, S, Q, T, hh, at, i, k) -> Inside of the edge behind a point in the substep at, hh: h^2, of which
-    T.edge remembers whether it touches anything, and where it does T.inside and T.bristle what lasts. kinds: of colliders.
+    """Functions of the edge behind a point in the substep at: clear(C, S, T, at, i, k) -> True where it touches nothing, as its
+    ends say, which T.edge remembers; else touch(C, S, Q, T, hh, at, i, k) -> Inside, hh: h^2, of which T.inside and T.bristle
+    remember what lasts. kinds: of colliders.
 
     Rows of T that edges have of their first places stand behind those of points, of their second behind these."""
-    flanks = flanking(kinds)
+    flanks, turns = flanking(kinds).flanks, flanking(kinds).turns
 
     @wp.func
     def stiffness(S: Strands, hh: wp.float64, y: wp.float64, i: int, k: int):
@@ -190,6 +191,22 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         return spread(found, t.f, t.K, y)
 
     @wp.func
+    def clear(C: Colliders, S: Strands, T: Trial, at: int, i: int, k: int):
+        had = T.edge[i, k]
+        if had == MET:
+            return False
+        x0 = T.x[i, k] + S.origin[k]
+        x1 = T.x[i + 1, k] + S.origin[k]
+        reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
+        for c in range(C.kind.shape[0]):
+            back = C.back[at + 1, c]
+            if turns(C, c, at, wp.transform_point(back, x0), wp.transform_point(back, x1), reach + C.thick[c]):
+                return False
+        if had != CLEAR:
+            T.edge[i, k] = CLEAR
+        return True
+
+    @wp.func
     def fill(T: Trial, had: int, i: int, k: int):
         """Rows of an edge that has none yet: as `forget` leaves them, or as an iteration that found nothing."""
         if T.hit:
@@ -244,4 +261,4 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             found = end(C, S, Q, T, found, second, E, 1)
         return found
 
-    return SimpleNamespace(touch=touch, name="_".join(kinds))
+    return SimpleNamespace(clear=clear, touch=touch, name="_".join(kinds))
