@@ -26,7 +26,7 @@ from wsim.kernels.rods.apart.parts import (
     keep_symmetric,
     numbers,
 )
-from wsim.kernels.rods.contact import MET, OLD, Colliders, expect_all
+from wsim.kernels.rods.contact import MET, Colliders, expect_all
 from wsim.kernels.rods.edges.inside import Inside, inside
 from wsim.kernels.rods.element import transport, turned, upright
 from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
@@ -77,7 +77,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
             if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
                 had = T.edge[i, k]
                 if clear(C, S, T, A.at[k], i, k):
-                    if had == OLD:
+                    if had >= MET:
                         keep_inside(A, wp.static(numbers(airy)), i, k, Inside())
                 else:
                     keep_inside(A, wp.static(numbers(airy)), i, k, touch(C, S, Q, T, A.h * A.h, A.at[k], i, k))

@@ -29,8 +29,8 @@ WARP = 32
 def apart(kinds: tuple[str, ...], airy: bool, module: str):
     """Kernels over points (tid: point number * strands + place in the list) or strands: begin substeps (points), touch
     colliders with edges (points; launched only where there are any), measure (points), solve (place * LANES + lane), take
-    (points), finish (place * WARP + lane), enlist (strands). said: as `march.strands` has it. kinds: of colliders. airy: with
-    air. few: strands at which a kind of launches ends."""
+    (points), end substeps (points), finish (place * WARP + lane), enlist (strands). said: as `march.strands` has it. kinds: of
+    colliders. airy: with air. few: strands at which a kind of launches ends."""
     meets, parts, eliminate = bool(kinds), iteration(kinds, airy), eliminating(bool(kinds), airy)
     touch, measure, judge, move, end = parts.meet, parts.measure, parts.judge, parts.move, parts.end
 
@@ -95,7 +95,7 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
                 move(T, A, i, k)
 
     @wp.kernel(enable_backward=False, module=module)
-    def take_points(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, said: wp.array2d(dtype=wp.float64)):
+    def take_points(S: Strands, T: Trial, A: Parts):
         m = S.points.shape[0]
         i = wp.tid() / m
         if wp.tid() % m >= A.listed[0]:
@@ -104,7 +104,15 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         if A.moved[k] == 0 or i >= S.points[k]:
             return
         take(S, T, A, i, k)
-        if A.done[k] == 1:
+
+    @wp.kernel(enable_backward=False, module=module)
+    def end_points(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, said: wp.array2d(dtype=wp.float64)):
+        m = S.points.shape[0]
+        i = wp.tid() / m
+        if wp.tid() % m >= A.listed[0]:
+            return
+        k = A.list[wp.tid() % m]
+        if A.moved[k] == 1 and A.done[k] == 1 and i < S.points[k]:
             deep = end(S, C, Q, T, A, i, k)
             if deep > wp.float64(0.0):
                 wp.atomic_max(said, k, 2, deep)
@@ -154,4 +162,4 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         if A.on[k] == 1:
             A.list[wp.atomic_add(A.listed, 0, 1)] = k
 
-    return begin_points, touch_edges, measure_points, solve_strands, take_points, finish_strands, enlist_strands
+    return begin_points, touch_edges, measure_points, solve_strands, take_points, end_points, finish_strands, enlist_strands

@@ -57,7 +57,8 @@ class Flanks:
 @cache
 def flanking(kinds: tuple[str, ...]) -> SimpleNamespace:
     """Functions (C, c, at, a, b, reach) of the edge from a to b in the frame of a collider where a substep ends: flanks, its
-    `Flanks` that are nearer than reach [m]; turns, whether it may have any. kinds: of colliders."""
+    `Flanks` that are nearer than reach [m]; turns, whether one may be nearer than
+    its ends. kinds: of colliders."""
     signed = touching(kinds).signed
 
     @wp.func
@@ -109,18 +110,24 @@ def flanking(kinds: tuple[str, ...]) -> SimpleNamespace:
 
     @wp.func
     def turns(C: Colliders, c: int, at: int, a: wp.vec3d, b: wp.vec3d, reach: wp.float64):
-        """False: the edge has no place, as its ends know."""
         d = b - a
         length = wp.length(d)
         t = d / length
-        phi, n, _ = signed(C, c, at, a)
-        s = wp.dot(n, t)
-        fall = wp.where(C.kind[c] >= SOLID, wp.float64(1.0), wp.max(-s, wp.float64(0.0)))        # but for meshes phi is convex
-        if s > TURN or phi - fall * length >= reach:
+        phi0, n, _ = signed(C, c, at, a)
+        s0 = wp.dot(n, t)
+        mesh = C.kind[c] >= SOLID
+        if (s0 >= wp.float64(0.0) and not mesh) or phi0 - length >= reach:
             return False
-        _1, m, _2 = signed(C, c, at, b)
+        phi1, m, _1 = signed(C, c, at, b)
         s1 = wp.dot(m, t)
-        return s1 > TURN or (s < -TURN and s1 >= -TURN)
+        if s1 <= TURN and (s0 >= -TURN or s1 < -TURN):
+            return False
+        least = wp.float64(0.5) * (phi0 + phi1 - length)
+        if not mesh:                                             # phi is convex: above its tangents
+            if s1 <= wp.float64(0.0):
+                return False
+            least = phi0 + s0 * (phi0 - phi1 + s1 * length) / (s1 - s0)
+        return least < wp.min(reach, wp.min(phi0, phi1))
 
     @wp.func
     def flanks(C: Colliders, c: int, at: int, a: wp.vec3d, b: wp.vec3d, reach: wp.float64):

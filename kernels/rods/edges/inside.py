@@ -194,7 +194,11 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
     def clear(C: Colliders, S: Strands, T: Trial, at: int, i: int, k: int):
         had = T.edge[i, k]
         if had == MET:
-            return False
+            if not T.hit:
+                return False
+            row = T.x.shape[0] + i
+            if wp.abs(T.load[row, k]) + wp.abs(T.load[row + T.x.shape[0], k]) > wp.float64(0.0):
+                return False
         x0 = T.x[i, k] + S.origin[k]
         x1 = T.x[i + 1, k] + S.origin[k]
         reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])

@@ -23,7 +23,7 @@ FEW = 10            # 1 / FEW of the strands are finished by a warp each; all of
 class Apart:
     def __init__(self, strands: Strands, module: str, device):
         self.strands, table, self.device = strands, strands.table, device
-        self.begin, self.touch, self.measure, self.solve, self.take, self.finish, self.enlist = apart(
+        self.begin, self.touch, self.measure, self.solve, self.take, self.end, self.finish, self.enlist = apart(
             strands.obstacles.kinds, strands.airy, module)
         m, count = table.strands, numbers(strands.airy) + (TOUCH + OWNED) * bool(strands.obstacles.kinds)
         part = np.zeros((count, table.longest + 2, m))
@@ -82,5 +82,6 @@ class Apart:
             self.each(self.touch, [S, C, Q, T, A], [])
         self.each(self.measure, [S, C, Q, T, A], [self.words])
         self.each(self.solve, [S, T, A], [self.words, s.said], LANES)
-        self.each(self.take, [S, C, Q, T, A], [s.said])
+        self.each(self.take, [S, T, A], [])
+        self.each(self.end, [S, C, Q, T, A], [s.said])
         self.each(self.begin, [S, s.holds, Q, T, A, few], [self.words])
