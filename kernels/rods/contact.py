@@ -48,6 +48,9 @@ FIRM = wp.constant(wp.float64(0.03))
 SOFT = wp.constant(wp.float64(0.05))         # of a radius, at which a strand floats; less, and grazing points never settle
 TINY = wp.constant(wp.float64(1e-30))
 FAR = wp.constant(wp.float64(1e9))           # [m] farther than anything
+# What an edge has had between its points in this substep (T.edge): not known yet; nothing; contact, and its rows are filled;
+# not known yet, and the substep before left contact
+NEW, CLEAR, MET, OLD = (wp.constant(k) for k in range(4))
 
 
 @wp.struct
@@ -184,11 +187,11 @@ def expect(T: Trial, d: wp.vec3d, i: int, k: int):
 
 
 @wp.func
-def expect_all(T: Trial, z0: wp.vec4d, z1: wp.vec4d, n: int, i: int, k: int):
-    """`expect` of a point among n, and of both places of the edge behind it, of corrections z0 and z1 of its points."""
+def expect_all(T: Trial, z0: wp.vec4d, z1: wp.vec4d, i: int, k: int):
+    """`expect` of a point, and of both places of the edge behind it, of corrections z0 and z1 of its points."""
     d0 = wp.vec3d(z0[0], z0[1], z0[2])
     expect(T, d0, i, k)
-    if i + 1 < n:
+    if T.edge[i, k] == MET:
         d1 = wp.vec3d(z1[0], z1[1], z1[2])
         for which in range(1, 3):
             row = T.x.shape[0] * which + i

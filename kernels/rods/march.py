@@ -11,7 +11,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.contact import Colliders, Touch, forget, touching
+from wsim.kernels.rods.contact import MET, NEW, OLD, Colliders, Touch, forget, touching
 from wsim.kernels.rods.element import transport, turned, twist, upright
 from wsim.kernels.rods.eliminate import backward
 from wsim.kernels.rods.system import forward, memory, take
@@ -41,8 +41,8 @@ def begin_point(S: Strands, H: Holds, Q: Motion, T: Trial, h: wp.float64, at: in
     T.x[i, k] = x
     if T.hit:
         forget(T, i, k)
-        forget(T, T.x.shape[0] + i, k)
-        forget(T, 2 * T.x.shape[0] + i, k)
+    if T.edge:
+        T.edge[i, k] = wp.where(T.edge[i, k] >= MET, OLD, NEW)
     if i + 1 < S.points[k]:
         T.phi[i, k] = Q.phi[i, k]
         T.pull[i, k] = S.A[i, k] * (wp.length(Q.x[i + 1, k] - Q.x[i, k]) - S.length[i, k])
@@ -80,6 +80,18 @@ def spun(w: wp.vec3d, turn: wp.float64, b: wp.float64, h: wp.float64):
     return wp.vec3d((turn * (wp.float64(1.0) + b) - w[1] * b) / h, turn, w[0])
 
 
+@wp.func
+def borne(T: Trial, i: int, k: int):
+    """Normal forces of colliders [N] at both places of an edge."""
+    one = wp.float64(0.0)
+    other = wp.float64(0.0)
+    if T.edge[i, k] == MET:
+        row = T.x.shape[0] + i
+        one = T.inside[row, k][1]
+        other = T.inside[row + T.x.shape[0], k][1]
+    return one, other
+
+
 @cache
 def finish_point(kinds: tuple[str, ...]):
     """Function (S, C, Q, T, p, i, k) -> how deep a point is in a collider [m]: its velocity, and what the next substep
@@ -102,17 +114,24 @@ def finish_point(kinds: tuple[str, ...]):
                 t = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
             Q.stick[i, k] = t.s
             Q.load[i, k] = t.N
-            row = T.x.shape[0] + i                       # edges as the last correction found them: points are moving on
-            last = row - wp.min(i, 1)
-            if T.inside[row, k][1] + T.inside[row + T.x.shape[0], k][1] + T.inside[last, k][1] + T.inside[
-                    last + T.x.shape[0], k][1] > wp.float64(0.0):
+            one, other = borne(T, i, k)                  # edges as the last correction found them: points are moving on
+            if one + other > wp.float64(0.0):
                 begun = int(0)
-            if i + 1 < S.points[k]:
-                Q.stick1[i, k] = T.bristle[row, k]
-                Q.stick2[i, k] = T.bristle[row + T.x.shape[0], k]
-                Q.load1[i, k] = T.inside[row, k][1]
-                Q.load2[i, k] = T.inside[row + T.x.shape[0], k][1]
+            if i > 0:
+                last1, last2 = borne(T, i - 1, k)
+                if last1 + last2 > wp.float64(0.0):
+                    begun = int(0)
+            stick1 = wp.vec3d()
+            stick2 = wp.vec3d()
+            if T.edge[i, k] == MET:
+                row = T.x.shape[0] + i
+                stick1 = T.bristle[row, k]
+                stick2 = T.bristle[row + T.x.shape[0], k]
                 deep = wp.max(T.inside[row, k][2], T.inside[row + T.x.shape[0], k][2])
+            Q.stick1[i, k] = stick1
+            Q.stick2[i, k] = stick2
+            Q.load1[i, k] = one
+            Q.load2[i, k] = other
             if t.N > wp.float64(0.0):
                 begun = int(0)
                 deep = wp.max(deep, t.deep)

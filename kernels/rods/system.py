@@ -199,7 +199,8 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
     is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
     left for more right-hand sides."""
     eliminate, point = eliminating(pressed), pointing(kinds, airy, pressed)
-    meets, touch = bool(kinds), inside(kinds).touch if kinds else None
+    meets = bool(kinds)
+    clear, touch = (inside(kinds).clear, inside(kinds).touch) if meets else (None, None)
 
     @wp.func
     def forward(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
@@ -216,7 +217,7 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
             if i >= 0 and i + 1 < n:
                 w = stretch(S, T, w, t0, l0, i, k)
                 if wp.static(meets):
-                    if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
+                    if (S.hold[i, k] < 0 or S.hold[i + 1, k] < 0) and not clear(C, S, T, p.at, i, k):
                         w = lean(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
                 if wp.static(airy):
                     f, K = blow(S, Q, T, p, i, k)
@@ -254,7 +255,7 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
     whole = wp.where(part < wp.float64(0.0), part, wp.float64(1.0))
     if T.hit:
         for i in range(n):
-            expect_all(T, T.z[i, k], T.z[wp.min(i + 1, n - 1), k], n, i, k)
+            expect_all(T, T.z[i, k], T.z[wp.min(i + 1, n - 1), k], i, k)
     x0 = T.x[0, k]
     z = T.z[0, k]
     y0 = x0 + wp.vec3d(z[0], z[1], z[2]) * part

@@ -73,6 +73,7 @@ class Trial:
     change: wp.array2d(dtype=wp.float64)            # how much that changed it [N]
     hit: wp.array2d(dtype=wp.vec4d)                 # normal of a contact times its stiffness [N/m], and its normal force [N]
     lean: wp.array2d(dtype=wp.vec3d)                # friction of one that slips over - mu N, as that had it
+    edge: wp.array2d(dtype=int)                     # what an edge has had between its points (kernels/rods/contact.py)
     inside: wp.array2d(dtype=wp.vec3d)              # of edges that touch a collider: y, normal force [N], how deep [m]
     bristle: wp.array2d(dtype=wp.vec3d)             # and their bristles [m]
     drawn: wp.array(dtype=wp.float64)               # of strands: farthest a point is drawn to a collider, or anew in one [m]

@@ -118,7 +118,7 @@ def meeting(kinds: tuple[str, ...]):
     """Functions (C, W, s, margin, c) -> how deep a place of a strand is in a shape [m], less than -FAR where it is in another
     world or farther than a margin, and the normal; (C, S, T, W, margin, c, i, k) -> `Flanks` of the edge behind a point. kinds:
     of shapes, which C has as colliders without frames."""
-    signed, flanks = touching(kinds).signed, flanking(kinds)
+    signed, flanks = touching(kinds).signed, flanking(kinds).flanks
 
     @wp.func
     def depth(C: Colliders, W: Carried, s: Spot, margin: wp.float64, c: int):

@@ -13,9 +13,12 @@ import warp as wp
 from wsim.kernels.rods.air import blow
 from wsim.kernels.rods.apart.parts import (
     LAST,
+    MORE,
     RIGHT,
     SYMMETRIC,
+    TOUCH,
     Parts,
+    inside_own,
     keep,
     keep_bend,
     keep_edge,
@@ -23,7 +26,7 @@ from wsim.kernels.rods.apart.parts import (
     keep_symmetric,
     numbers,
 )
-from wsim.kernels.rods.contact import Colliders, expect_all
+from wsim.kernels.rods.contact import MET, Colliders, expect_all
 from wsim.kernels.rods.edges.inside import Inside, inside
 from wsim.kernels.rods.element import transport, turned, upright
 from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
@@ -48,7 +51,7 @@ def take(S: Strands, T: Trial, A: Parts, i: int, k: int):
     z0 = T.z[i, k]
     z1 = T.z[wp.min(i + 1, n - 1), k]
     if T.hit:
-        expect_all(T, z0 / A.taken[k], z1 / A.taken[k], n, i, k)
+        expect_all(T, z0 / A.taken[k], z1 / A.taken[k], i, k)
     if i + 1 >= n:
         return
     e = T.x[i + 1, k] - T.x[i, k]
@@ -64,8 +67,22 @@ def take(S: Strands, T: Trial, A: Parts, i: int, k: int):
 def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
     """Functions of the parts. kinds: of colliders. airy: with air."""
     meets = bool(kinds)
-    point, finish, air = pointing(kinds, airy, False), finish_point(kinds), numbers(meets, False)
-    touch = inside(kinds).touch if meets else None
+    point, finish = pointing(kinds, airy, False), finish_point(kinds)
+    clear, touch = (inside(kinds).clear, inside(kinds).touch) if meets else (None, None)
+
+    @wp.func
+    def meet(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, i: int, k: int):
+        """What colliders give the edge behind a point, before `measure`."""
+        if i + 1 < S.points[k]:
+            if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
+                had = T.edge[i, k]
+                if clear(C, S, T, A.at[k], i, k):
+                    if had >= MET:
+                        keep_inside(A, wp.static(numbers(airy)), i, k, Inside())
+                else:
+                    keep_inside(A, wp.static(numbers(airy)), i, k, touch(C, S, Q, T, A.h * A.h, A.at[k], i, k))
+                    if T.edge[i, k] == MET:
+                        A.edges[k] = 1
 
     @wp.func
     def measure(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, i: int, k: int):
@@ -76,14 +93,10 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
         p.at = A.at[k]
         D, r = point(S, C, Q, T, p, i, k)
         if wp.static(meets):
-            if i + 1 < n:
-                met = Inside()
-                if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
-                    met = touch(C, S, Q, T, p.h * p.h, p.at, i, k)
-                keep_inside(A, i, k, met)
-                if S.hold[i, k] < 0:
-                    D = add(D, met.K0)
-                    r = r + split(met.f0, wp.float64(0.0))
+            if T.edge[i, k] == MET and S.hold[i, k] < 0:
+                K, pressing = inside_own(A, wp.static(numbers(airy) + TOUCH), i, k)
+                D = add(D, K)
+                r = r + split(pressing, wp.float64(0.0))
         keep_symmetric(A.part, wp.static(SYMMETRIC), i, k, wp.vec3d(D[0, 0], D[0, 1], D[0, 2]),
                        wp.vec3d(D[1, 0], D[1, 1], D[1, 2]), wp.vec3d(D[2, 0], D[2, 1], D[2, 2]))
         A.part[wp.static(LAST), i, k] = D[3, 3]
@@ -98,8 +111,8 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
             keep_edge(S, T, A, i, k, t, length)
             if wp.static(airy):
                 gust, damp = blow(S, Q, T, p, i, k)
-                keep(A.part, wp.static(air), i, k, gust)
-                keep_symmetric(A.part, wp.static(air + 3), i, k, damp[0], damp[1], damp[2])
+                keep(A.part, wp.static(MORE), i, k, gust)
+                keep_symmetric(A.part, wp.static(MORE + 3), i, k, damp[0], damp[1], damp[2])
             if i > 0:
                 if S.clamped[i - 1, k] + S.clamped[i, k] < 2:
                     e0 = T.x[i, k] - T.x[i - 1, k]
@@ -121,6 +134,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
         if wp.static(meets):
             off = wp.max(z, T.drawn[k])
             T.drawn[k] = wp.float64(0.0)
+            A.edges[k] = 0
         count = A.count[k] + 1
         A.count[k] = count
         if count >= MOST or off <= TOLERANCE * short:
@@ -146,4 +160,4 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
         p.at = A.at[k] - 1
         return finish(S, C, Q, T, p, i, k)
 
-    return SimpleNamespace(measure=measure, judge=judge, move=move, end=end)
+    return SimpleNamespace(meet=meet if meets else None, measure=measure, judge=judge, move=move, end=end)

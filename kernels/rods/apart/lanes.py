@@ -75,14 +75,6 @@ def symmetric(at: int, first: int, lane: int):
 
 
 @wp.func
-def column(at: int, first: int, lane: int):
-    """Column `lane` < 3 of a 3 x 3 block whose rows stand from `first` on; 0 in lane 3."""
-    zero = wp.float64(0.0)
-    c = first + wp.min(lane, 2)
-    return wp.vec4d(got(at, c), got(at, c + 3), got(at, c + 6), zero) * wp.where(lane < 3, wp.float64(1.0), zero)
-
-
-@wp.func
 def own_block(at: int, lane: int, w: Window):
     """The window with a third point."""
     zero = wp.float64(0.0)
@@ -191,30 +183,40 @@ def eliminated(A: Parts, w: Window, at: int, i: int, k: int, lane: int):
 @cache
 def eliminating(meets: bool, airy: bool):
     """Function (T, A, n, lane, k) -> greatest correction of a strand's n points [m], of which T.z has all."""
-    count, air = numbers(meets, airy), numbers(meets, False)
+    count = numbers(airy)
 
     @wp.func
-    def stretch(at: int, w: Window, lane: int):
+    def stretch(A: Parts, at: int, w: Window, edges: int, i: int, k: int, lane: int):
         zero = wp.float64(0.0)
         e = got3(at, wp.static(EDGE))
-        k = got3(at, wp.static(EDGE + 3))
+        stiff = got3(at, wp.static(EDGE + 3))
         t = wp.vec4d(e[0], e[1], e[2], zero)
-        H = t * (pick(t, lane) * k[0]) + wp.vec4d(wp.where(lane == 0, k[1], zero), wp.where(lane == 1, k[1], zero),
-                                                  wp.where(lane == 2, k[1], zero), zero)
+        H = t * (pick(t, lane) * stiff[0]) + wp.vec4d(wp.where(lane == 0, stiff[1], zero), wp.where(lane == 1, stiff[1], zero),
+                                                  wp.where(lane == 2, stiff[1], zero), zero)
         w.P = w.P - H * (w.m0[0] * w.m1[0])
-        r = t * k[2]
+        r = t * stiff[2]
         w.r0 = w.r0 + r * w.m0[0]
         w.r1 = w.r1 - r * w.m1[0]
         if wp.static(meets):
-            w.D1 = w.D1 + symmetric(at, wp.static(MORE), lane) * w.m1[0]
-            w.P = w.P + column(at, wp.static(MORE + 6), lane) * (w.m0[0] * w.m1[0])
-            f = got3(at, wp.static(MORE + 15))
-            w.r1 = w.r1 + wp.vec4d(f[0], f[1], f[2], zero) * w.m1[0]
+            K1 = wp.vec4d()
+            K01 = wp.vec4d()
+            f1 = wp.vec4d()
+            if edges == 1:
+                c = wp.static(count) + wp.min(lane, 2)
+                K1 = wp.vec4d(A.part[c, i, k], A.part[wp.where(lane == 0, wp.static(count + 1), c + 2), i, k],
+                              A.part[wp.static(count) + wp.where(lane >= 2, 5, 2 + 2 * lane), i, k], zero)
+                K01 = wp.vec4d(A.part[c + 6, i, k], A.part[c + 9, i, k], A.part[c + 12, i, k], zero)
+                f1 = wp.vec4d(A.part[wp.static(count + 15), i, k], A.part[wp.static(count + 16), i, k],
+                              A.part[wp.static(count + 17), i, k], zero)
+            on = w.m1[0] * wp.where(lane < 3, wp.float64(1.0), zero)
+            w.D1 = w.D1 + K1 * on
+            w.P = w.P + K01 * (w.m0[0] * on)
+            w.r1 = w.r1 + f1 * w.m1[0]
         if wp.static(airy):
-            K = symmetric(at, wp.static(air + 3), lane)
+            K = symmetric(at, wp.static(MORE + 3), lane)
             w.P = w.P + K * (w.m0[0] * w.m1[0])
             H = H + K
-            f = got3(at, wp.static(air))
+            f = got3(at, wp.static(MORE))
             gust = wp.vec4d(f[0], f[1], f[2], zero)
             w.r0 = w.r0 + gust * w.m0[0]
             w.r1 = w.r1 + gust * w.m1[0]
@@ -225,6 +227,9 @@ def eliminating(meets: bool, airy: bool):
     @wp.func
     def forward(A: Parts, desk: int, n: int, lane: int, k: int):
         w = Window()
+        edges = int(0)
+        if wp.static(meets):
+            edges = A.edges[k]
         for j in range(wp.static(STEPS)):
             if j < n + 2:
                 fetch(A.part, wp.static(count), j - 2, k, desk + wp.static(64 * count) * j, True)
@@ -238,7 +243,8 @@ def eliminating(meets: bool, airy: bool):
             w.N = wp.vec4d()
             w.F = wp.vec4d()
             if i >= 0:
-                w = eliminated(A, stretch(at, w, lane), at, i, k, lane)
+                w = stretch(A, at, w, edges, i, k, lane)
+                w = eliminated(A, w, at, i, k, lane)
             else:
                 w.D0 = w.D1
                 w.r0 = w.r1

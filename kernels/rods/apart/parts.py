@@ -7,10 +7,10 @@ from wsim.kernels.rods.element import bend, spinning
 from wsim.kernels.rods.tables import Strands, Trial
 
 LANES = 4
-# Numbers of a point: of itself; of the edge behind it; of the bend at it; of colliders, and of the air, on that edge
+# Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air, and of colliders, on that edge.
 SYMMETRIC, LAST, RIGHT, FREE = 0, 6, 7, 11   # upper triangle of its block, by rows; the angle's; right side; 1: free, it spins
-EDGE, BENT, MORE = 13, 19, 46                # MORE: colliders' MET, if there are any, then the air's AIR
-MET, AIR = 18, 9
+EDGE, BENT, MORE = 13, 19, 46                # MORE: the air's AIR, if there is any, then
+AIR, TOUCH, OWNED = 9, 18, 9                 # colliders', those of the edge's second point, then those of its first
 OFF, SLOPES, SPINS, OWN, TORQUES = BENT, BENT + 3, BENT + 21, BENT + 24, BENT + 25      # of a bend
 STEPS = 5                        # of points whose numbers are under way from memory
 Bend = bend().Bend
@@ -23,9 +23,10 @@ class Parts:
     part (`numbers`, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
     from EDGE on the tangent, stiffness along it less that across, that across [N/m], tension [N]; from BENT on strains less
     those at rest, their gradients by both edges and, as `spinning` has them, by the angles, all times the root of their
-    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; of colliders the upper triangle of the
-    stiffness of the edge's second point, that between both by rows [N/m], and the force on the second [N]; of the air half its
-    force [N], and the upper triangle of its stiffness [N/m]"""
+    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; of the air half its force [N], and the
+    upper triangle of its stiffness [N/m]; of colliders the upper triangle of the stiffness of the edge's second point, that
+    between both by rows [N/m], and the force on the second [N]: 0 where there is no contact, and read only of strands that have
+    one (`edges`); stiffness and force of the first likewise, which `measure` adds to the point's own"""
 
     part: wp.array3d(dtype=wp.float64)
     factor: wp.array3d(dtype=wp.float64)            # (36, points, strands): near, far, right side
@@ -38,6 +39,7 @@ class Parts:
     on: wp.array(dtype=int)                         # 1: it has substeps to solve
     done: wp.array(dtype=int)                       # 1: it has solved one in this iteration
     moved: wp.array(dtype=int)                      # 1: it has moved in this iteration
+    edges: wp.array(dtype=int)                      # 1: an edge touches a collider between its points in this iteration
     list: wp.array(dtype=int)                       # strands that launches go over, in any order
     listed: wp.array(dtype=int)                     # how many, (1,)
     h: wp.float64                                   # length of a substep [s]
@@ -61,21 +63,32 @@ def keep_symmetric(part: wp.array3d(dtype=wp.float64), first: int, i: int, k: in
     part[first + 5, i, k] = c[2]
 
 
-def numbers(meets: bool, airy: bool) -> int:
-    """How many a point has. meets: there are colliders; airy: with air."""
-    return MORE + MET * meets + AIR * airy
+def numbers(airy: bool) -> int:
+    """How many a point has that colliders do not touch between it and the next. airy: with air."""
+    return MORE + AIR * airy
 
 
-SIZES = sorted({numbers(meets, airy) for meets in (False, True) for airy in (False, True)})
+SIZES = (numbers(False), numbers(True))
 
 
 @wp.func
-def keep_inside(A: Parts, i: int, k: int, t: Inside):
-    """Stores what colliders give the edge behind a point, but for the point's own part."""
-    keep_symmetric(A.part, wp.static(MORE), i, k, t.K1[0], t.K1[1], t.K1[2])
+def keep_inside(A: Parts, first: int, i: int, k: int, t: Inside):
+    """Stores what colliders give the edge behind a point, and behind these what is the point's own. first: of these numbers."""
+    keep_symmetric(A.part, first, i, k, t.K1[0], t.K1[1], t.K1[2])
     for c in range(wp.static(3)):
-        keep(A.part, wp.static(MORE + 6) + 3 * c, i, k, t.K[c])
-    keep(A.part, wp.static(MORE + 15), i, k, t.f1)
+        keep(A.part, first + 6 + 3 * c, i, k, t.K[c])
+    keep(A.part, first + 15, i, k, t.f1)
+    keep_symmetric(A.part, first + wp.static(TOUCH), i, k, t.K0[0], t.K0[1], t.K0[2])
+    keep(A.part, first + wp.static(TOUCH + 6), i, k, t.f0)
+
+
+@wp.func
+def inside_own(A: Parts, first: int, i: int, k: int):
+    """Stiffness and force that colliders give the first point of the edge behind it."""
+    a = wp.vec3d(A.part[first, i, k], A.part[first + 1, i, k], A.part[first + 2, i, k])
+    b = wp.vec3d(A.part[first + 3, i, k], A.part[first + 4, i, k], A.part[first + 5, i, k])
+    f = wp.vec3d(A.part[first + 6, i, k], A.part[first + 7, i, k], A.part[first + 8, i, k])
+    return wp.mat33d(a[0], a[1], a[2], a[1], b[0], b[1], a[2], b[1], b[2]), f
 
 
 @wp.func

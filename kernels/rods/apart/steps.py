@@ -27,11 +27,12 @@ WARP = 32
 
 @cache
 def apart(kinds: tuple[str, ...], airy: bool, module: str):
-    """Kernels over points (tid: point number * strands + place in the list) or strands: begin substeps (points), measure
-    (points), solve (place * LANES + lane), take (points), finish (place * WARP + lane), enlist (strands). said: as
-    `march.strands` has it. kinds: of colliders. airy: with air. few: strands at which a kind of launches ends."""
-    parts, eliminate = iteration(kinds, airy), eliminating(bool(kinds), airy)
-    measure, judge, move, end = parts.measure, parts.judge, parts.move, parts.end
+    """Kernels over points (tid: point number * strands + place in the list) or strands: begin substeps (points), touch
+    colliders with edges (points; launched only where there are any), measure (points), solve (place * LANES + lane), take
+    (points), end substeps (points), finish (place * WARP + lane), enlist (strands). said: as `march.strands` has it. kinds: of
+    colliders. airy: with air. few: strands at which a kind of launches ends."""
+    meets, parts, eliminate = bool(kinds), iteration(kinds, airy), eliminating(bool(kinds), airy)
+    touch, measure, judge, move, end = parts.meet, parts.measure, parts.judge, parts.move, parts.end
 
     @wp.kernel(enable_backward=False, module=module)
     def begin_points(S: Strands, H: Holds, Q: Motion, T: Trial, A: Parts, few: int, words: wp.array(dtype=int)):
@@ -44,6 +45,17 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         k = A.list[wp.tid() % m]
         if A.done[k] == 1 and A.on[k] == 1 and i < S.points[k]:
             begin(S, H, Q, T, A, i, k)
+
+    @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 16))       # few go on past their points' distances
+    def touch_edges(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts):
+        if wp.static(meets):
+            m = S.points.shape[0]
+            i = wp.tid() / m
+            if wp.tid() % m >= A.listed[0]:
+                return
+            k = A.list[wp.tid() % m]
+            if A.on[k] == 1:
+                touch(S, C, Q, T, A, i, k)
 
     @wp.kernel(enable_backward=False, module=module)
     def measure_points(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, words: wp.array(dtype=int)):
@@ -83,7 +95,7 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
                 move(T, A, i, k)
 
     @wp.kernel(enable_backward=False, module=module)
-    def take_points(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, said: wp.array2d(dtype=wp.float64)):
+    def take_points(S: Strands, T: Trial, A: Parts):
         m = S.points.shape[0]
         i = wp.tid() / m
         if wp.tid() % m >= A.listed[0]:
@@ -92,7 +104,15 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         if A.moved[k] == 0 or i >= S.points[k]:
             return
         take(S, T, A, i, k)
-        if A.done[k] == 1:
+
+    @wp.kernel(enable_backward=False, module=module)
+    def end_points(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, said: wp.array2d(dtype=wp.float64)):
+        m = S.points.shape[0]
+        i = wp.tid() / m
+        if wp.tid() % m >= A.listed[0]:
+            return
+        k = A.list[wp.tid() % m]
+        if A.moved[k] == 1 and A.done[k] == 1 and i < S.points[k]:
             deep = end(S, C, Q, T, A, i, k)
             if deep > wp.float64(0.0):
                 wp.atomic_max(said, k, 2, deep)
@@ -109,6 +129,8 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         gather()
         while on == 1:
             for i in range(lane, n, wp.static(WARP)):
+                if wp.static(meets):
+                    touch(S, C, Q, T, A, i, k)
                 measure(S, C, Q, T, A, i, k)
             gather()
             if lane < wp.static(LANES):
@@ -140,4 +162,4 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
         if A.on[k] == 1:
             A.list[wp.atomic_add(A.listed, 0, 1)] = k
 
-    return begin_points, measure_points, solve_strands, take_points, finish_strands, enlist_strands
+    return begin_points, touch_edges, measure_points, solve_strands, take_points, end_points, finish_strands, enlist_strands

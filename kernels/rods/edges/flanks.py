@@ -17,6 +17,7 @@ across the edge: a place does not follow as the edge moves along itself.
 # ruff: noqa: SIM102, UP018
 
 from functools import cache
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -54,11 +55,11 @@ class Flanks:
 
 
 @cache
-def flanking(kinds: tuple[str, ...]):
-    """Function (C, c, at, a, b, reach) -> `Flanks` of the edge from a to b in the frame of a collider where a substep ends,
-    those that are nearer than reach [m]. kinds: of colliders."""
+def flanking(kinds: tuple[str, ...]) -> SimpleNamespace:
+    """Functions (C, c, at, a, b, reach) of the edge from a to b in the frame of a collider where a substep ends: flanks, its
+    `Flanks` that are nearer than reach [m]; turns, whether one may be nearer than
+    its ends. kinds: of colliders."""
     signed = touching(kinds).signed
-    meshes = "solid" in kinds or "sheet" in kinds
 
     @wp.func
     def flank(C: Colliders, c: int, at: int, a: wp.vec3d, d: wp.vec3d, reach: wp.float64, cut: wp.vec4d, turn: wp.float64):
@@ -108,6 +109,27 @@ def flanking(kinds: tuple[str, ...]):
         return found
 
     @wp.func
+    def turns(C: Colliders, c: int, at: int, a: wp.vec3d, b: wp.vec3d, reach: wp.float64):
+        d = b - a
+        length = wp.length(d)
+        t = d / length
+        phi0, n, _ = signed(C, c, at, a)
+        s0 = wp.dot(n, t)
+        mesh = C.kind[c] >= SOLID
+        if (s0 >= wp.float64(0.0) and not mesh) or phi0 - length >= reach:
+            return False
+        phi1, m, _1 = signed(C, c, at, b)
+        s1 = wp.dot(m, t)
+        if s1 <= TURN and (s0 >= -TURN or s1 < -TURN):
+            return False
+        least = wp.float64(0.5) * (phi0 + phi1 - length)
+        if not mesh:                                             # phi is convex: above its tangents
+            if s1 <= wp.float64(0.0):
+                return False
+            least = phi0 + s0 * (phi0 - phi1 + s1 * length) / (s1 - s0)
+        return least < wp.min(reach, wp.min(phi0, phi1))
+
+    @wp.func
     def flanks(C: Colliders, c: int, at: int, a: wp.vec3d, b: wp.vec3d, reach: wp.float64):
         found = Flanks()
         zero = wp.float64(0.0)
@@ -118,32 +140,30 @@ def flanking(kinds: tuple[str, ...]):
         t = d / length
         phi, n, _ = signed(C, c, at, a + d * half)
         s = wp.dot(n, t)
-        fall = half * wp.abs(s)                                  # phi is convex in u
-        if wp.static(meshes):
-            if C.kind[c] >= SOLID:
-                fall = half
-        if phi - fall * length < reach:
-            phi0, n0, _0 = signed(C, c, at, a)
-            phi1, n1, _1 = signed(C, c, at, b)
-            s0 = wp.dot(n0, t)
-            s1 = wp.dot(n1, t)
-            found.ends = wp.min(phi0, phi1)
-            if s0 < -TURN and s1 >= -TURN:
-                low = wp.vec4d(zero, s0, half, s)
-                if s < -TURN:
-                    low = wp.vec4d(half, s, one, s1)
-                found.a = flank(C, c, at, a, d, reach, low, -TURN)
-            if s0 <= TURN and s1 > TURN:
-                high = wp.vec4d(half, s, one, s1)
-                if s > TURN:
-                    high = wp.vec4d(zero, s0, half, s)
-                found.b = flank(C, c, at, a, d, reach, high, TURN)
-            if found.a.u > zero and found.b.u > zero:
-                middle = half * (found.a.u + found.b.u)
-                found.a.y = wp.min(found.a.y, middle)
-                found.b.y = wp.max(found.b.y, middle)
-            found.a.y = wp.min(found.a.y, one)
-            found.b.y = wp.max(found.b.y, zero)
+        fall = half * wp.where(C.kind[c] >= SOLID, one, wp.abs(s))
+        if phi - fall * length >= reach:
+            return found
+        phi0, n0, _0 = signed(C, c, at, a)
+        phi1, n1, _1 = signed(C, c, at, b)
+        s0 = wp.dot(n0, t)
+        s1 = wp.dot(n1, t)
+        found.ends = wp.min(phi0, phi1)
+        if s0 < -TURN and s1 >= -TURN:
+            low = wp.vec4d(zero, s0, half, s)
+            if s < -TURN:
+                low = wp.vec4d(half, s, one, s1)
+            found.a = flank(C, c, at, a, d, reach, low, -TURN)
+        if s0 <= TURN and s1 > TURN:
+            high = wp.vec4d(half, s, one, s1)
+            if s > TURN:
+                high = wp.vec4d(zero, s0, half, s)
+            found.b = flank(C, c, at, a, d, reach, high, TURN)
+        if found.a.u > zero and found.b.u > zero:
+            middle = half * (found.a.u + found.b.u)
+            found.a.y = wp.min(found.a.y, middle)
+            found.b.y = wp.max(found.b.y, middle)
+        found.a.y = wp.min(found.a.y, one)
+        found.b.y = wp.max(found.b.y, zero)
         return found
 
-    return flanks
+    return SimpleNamespace(flanks=flanks, turns=turns)

@@ -22,8 +22,10 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.rods.contact import (
+    CLEAR,
     FAR,
     FIRM,
+    MET,
     SOFT,
     STIFF,
     Colliders,
@@ -117,11 +119,12 @@ class Edge:
 
 @cache
 def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
-    """Function touch(C, S, Q, T, hh, at, i, k) -> Inside of the edge behind a point in the substep at, hh: h^2, of which
-    T.inside and T.bristle remember what lasts. kinds: of colliders.
+    """Functions of the edge behind a point in the substep at: clear(C, S, T, at, i, k) -> True where it touches nothing, as its
+    ends say, which T.edge remembers; else touch(C, S, Q, T, hh, at, i, k) -> Inside, hh: h^2, of which T.inside and T.bristle
+    remember what lasts. kinds: of colliders.
 
     Rows of T that edges have of their first places stand behind those of points, of their second behind these."""
-    flanks = flanking(kinds)
+    flanks, turns = flanking(kinds).flanks, flanking(kinds).turns
 
     @wp.func
     def stiffness(S: Strands, hh: wp.float64, y: wp.float64, i: int, k: int):
@@ -188,6 +191,36 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         return spread(found, t.f, t.K, y)
 
     @wp.func
+    def clear(C: Colliders, S: Strands, T: Trial, at: int, i: int, k: int):
+        had = T.edge[i, k]
+        if had == MET:
+            if not T.hit:
+                return False
+            row = T.x.shape[0] + i
+            if wp.abs(T.load[row, k]) + wp.abs(T.load[row + T.x.shape[0], k]) > wp.float64(0.0):
+                return False
+        x0 = T.x[i, k] + S.origin[k]
+        x1 = T.x[i + 1, k] + S.origin[k]
+        reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
+        for c in range(C.kind.shape[0]):
+            back = C.back[at + 1, c]
+            if turns(C, c, at, wp.transform_point(back, x0), wp.transform_point(back, x1), reach + C.thick[c]):
+                return False
+        if had != CLEAR:
+            T.edge[i, k] = CLEAR
+        return True
+
+    @wp.func
+    def fill(T: Trial, had: int, i: int, k: int):
+        """Rows of an edge that has none yet: as `forget` leaves them, or as an iteration that found nothing."""
+        if T.hit:
+            for which in range(1, 3):
+                row = T.x.shape[0] * which + i
+                forget(T, row, k)
+                if had == CLEAR:
+                    T.slip[row, k] = wp.vec3d()
+
+    @wp.func
     def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
         found = Inside()
         E = Edge()
@@ -202,8 +235,10 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         zero = wp.float64(0.0)
         x0 = T.x[i, k] + S.origin[k]
         x1 = T.x[i + 1, k] + S.origin[k]
+        had = T.edge[i, k]
+        now = CLEAR
         reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
-        if T.hit:
+        if T.hit and had == MET:
             row = T.x.shape[0] + i
             if T.load[row, k] > zero or T.load[row + T.x.shape[0], k] > zero:    # it is drawn back as points are
                 reach = reach + DRAWN * wp.length(x1 - x0)
@@ -211,6 +246,10 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             back = C.back[at + 1, c]
             both = flanks(C, c, at, wp.transform_point(back, x0), wp.transform_point(back, x1), reach + C.thick[c])
             E.ends = both.ends
+            if both.a.u + both.b.u > zero and now == CLEAR:
+                now = MET
+                if had != MET:
+                    fill(T, had, i, k)
             if both.a.u > zero:
                 first, N, slope = meet(C, S, Q, T, first, both.a, E, c)
                 n = wp.transform_vector(C.frame[at + 1, c], both.a.n)
@@ -219,7 +258,11 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
                 second, N2, slope2 = meet(C, S, Q, T, second, both.b, E, c)
                 n2 = wp.transform_vector(C.frame[at + 1, c], both.b.n)
                 found = spread(found, n2 * N2, wp.outer(n2, n2) * slope2, both.b.y)
-        found = end(C, S, Q, T, found, first, E, 0)
-        return end(C, S, Q, T, found, second, E, 1)
+        if now != had:
+            T.edge[i, k] = now
+        if now == MET or had == MET:
+            found = end(C, S, Q, T, found, first, E, 0)
+            found = end(C, S, Q, T, found, second, E, 1)
+        return found
 
-    return SimpleNamespace(touch=touch, name="_".join(kinds))
+    return SimpleNamespace(clear=clear, touch=touch, name="_".join(kinds))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from wsim.kernels.rods.apart.parts import FREE, LANES, LAST, Parts, numbers
+from wsim.kernels.rods.apart.parts import FREE, LANES, LAST, OWNED, TOUCH, Parts, numbers
 from wsim.kernels.rods.apart.steps import WARP, apart
 from wsim.model.stage import Clock
 from wsim.model.structs import filled
@@ -23,9 +23,9 @@ FEW = 10            # 1 / FEW of the strands are finished by a warp each; all of
 class Apart:
     def __init__(self, strands: Strands, module: str, device):
         self.strands, table, self.device = strands, strands.table, device
-        self.begin, self.measure, self.solve, self.take, self.finish, self.enlist = apart(
+        self.begin, self.touch, self.measure, self.solve, self.take, self.end, self.finish, self.enlist = apart(
             strands.obstacles.kinds, strands.airy, module)
-        m, count = table.strands, numbers(bool(strands.obstacles.kinds), strands.airy)
+        m, count = table.strands, numbers(strands.airy) + (TOUCH + OWNED) * bool(strands.obstacles.kinds)
         part = np.zeros((count, table.longest + 2, m))
         end = np.arange(table.longest + 2)[:, None] >= table.counts
         for k in (0, 3, 5, LAST):                        # the diagonal
@@ -38,7 +38,7 @@ class Apart:
             factor=wp.zeros((2 * LANES**2 + LANES, table.longest, m), dtype=wp.float64, device=device),
             least=wp.array(length.min(axis=0), dtype=wp.float64, device=device),
             **{name: wp.zeros(m, dtype=wp.float64, device=device) for name in ("before", "share", "taken")},
-            **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "at", "on", "done", "moved", "list")},
+            **{name: wp.zeros(m, dtype=int, device=device) for name in ("count", "at", "on", "done", "moved", "edges", "list")},
             listed=wp.zeros(1, dtype=int, device=device))
         self.all = wp.array(np.arange(m), dtype=int, device=device)
         self.words = wp.zeros(2, dtype=int, device=device)
@@ -78,7 +78,10 @@ class Apart:
     def _iterate(self, few: int) -> None:
         s, A = self.strands, self.parts
         S, C, Q, T = s.strands, s.obstacles.table, s.moving(), s.trial
+        if s.obstacles.kinds:
+            self.each(self.touch, [S, C, Q, T, A], [])
         self.each(self.measure, [S, C, Q, T, A], [self.words])
         self.each(self.solve, [S, T, A], [self.words, s.said], LANES)
-        self.each(self.take, [S, C, Q, T, A], [s.said])
+        self.each(self.take, [S, T, A], [])
+        self.each(self.end, [S, C, Q, T, A], [s.said])
         self.each(self.begin, [S, s.holds, Q, T, A, few], [self.words])

@@ -166,6 +166,7 @@ class Strands(Method):
             if not together:
                 places |= {"slip": wp.vec3d, "load": wp.float64, "change": wp.float64, "hit": wp.vec4d, "lean": wp.vec3d}
             more = {name: wp.zeros((3 * two[0], two[1]), dtype=kind, device=device) for name, kind in places.items()}
+            more["edge"] = wp.zeros(two, dtype=int, device=device)
         if self.obstacles.kinds and not together:
             more["drawn"] = wp.zeros(self.table.strands, dtype=wp.float64, device=device)
         return filled(tables.Trial, **more, **{name: wp.zeros(two, dtype=kind, device=device) for name, kind in types.items()})
