@@ -17,6 +17,7 @@ import warp as wp
 from wsim.model import kernel_cache
 from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.check import slivers
 from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, record, retry
 from wsim.simulation import plan as plans
@@ -86,6 +87,7 @@ class Simulation:
         except RuntimeError as error:
             raise retry.refused(error, self.device) from None
         self.model, self.state, start = self.plan.model, self.plan.state, self.plan.methods.every("start")
+        start = [*start, *slivers.slow(self.scene, self.plan.choice.steps)]
         self.warnings += [w for w in (*map(str, start), *duration.long(self.plan, self.fps)) if w not in self.warnings]
         self.milliseconds: list[float] = []
         retry.settle(self)
