@@ -156,7 +156,9 @@ def joined(s: Strands) -> list[Problem]:
     found = [Problem(str(s.path[pairs[0, 0]]), f"{met} pairs of edges of strands meet where they start, such as "
                      f"{'; '.join(where[:met])}: which is on which side is arbitrary; move them apart there",
                      False)] if met else []
-    return found if len(pairs) == met else [*found, _sunk(s, pairs[met:], part[met], half if half > most[1] else 0, least)]
+    ends = np.sort(s.strand[pairs], axis=1) @ (int(s.strand.max(initial=0)) + 1, 1)
+    rest = ~np.isin(ends, ends[:met])                    # beside edges that meet others of both strands are near
+    return [*found, _sunk(s, pairs[rest], part[rest][0], half if half > most[1] else 0, least)] if rest.any() else found
 
 
 def _sunk(s: Strands, pairs: np.ndarray, part: float, heap: int, least: float) -> Problem:
