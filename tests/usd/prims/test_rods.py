@@ -9,7 +9,7 @@ from tests.make.usda import Reader, errors
 from wsim.cli.inventory import inventory
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.start import apart
-from wsim.scene import Scene, SceneError
+from wsim.scene import Box, Motion, Scene, SceneError
 from wsim.scene.check.scene import check
 from wsim.simulation.simulation import Simulation
 
@@ -137,6 +137,21 @@ def test_thirty_strands_in_one_another_are_stepped_within_seconds(monkeypatch):
         assert not [w for w in sim.warnings if "left corrections" in w]
         found.append(sim.positions("/strands"))
     assert np.array_equal(*found) and np.diff(found[0].reshape(30, 20, 3)[..., 2], axis=0).min() > 2e-3        # in order, apart
+
+
+def test_a_rope_that_colliders_leave_no_room_is_told_how_deep_it_was():
+    """Two boxes that close and go 6 cm into each other: it said to give more substeps, and nothing else."""
+    scene = strands(1, 0.0, 0.01)
+    scene.frames, scene.things("Rods")[0].points = 4, 10.0 * scene.things("Rods")[0].points
+    for k, side in enumerate((-1.0, 1.0)):
+        frames = np.tile(np.eye(4), (3, 1, 1))
+        frames[:, 1, 3] = side * np.array([0.2, 0.05, -0.05])
+        scene.collider(f"/jaw{k}", Box((0.2, 0.08, 0.2)), motion=Motion(np.array([0.0, 0.03, 0.06]), frames))
+    sim = Simulation(scene, device="cpu")
+    sim.run()
+    (text,) = [w for w in sim.warnings if "deep" in w]
+    assert "/strands: points were 0.0" in text and "give more room, or smaller widths" in text
+    assert np.isfinite(sim.positions()).all()
 
 
 def test_positions_of_rods_are_asked_for_by_path():
