@@ -90,6 +90,14 @@ def test_nothing_is_recommended_where_errors_are_refused():
     assert report([row(1, 1e-6)], refused="it amplifies").recommend(0.01) is None
 
 
+def test_a_frame_that_takes_no_tick_of_the_clock_ends_a_series_in_words():
+    """It divided by 0."""
+    there = reference.Reference(None, 0.0, np.nan, np.ones(1), 0.0)
+    made = sweep.Sweep(Scene(), None, there, None, print, rows=[row(0.0, 0.01)])
+    assert not made.goes_on(row(1.0, 0.02)) and "10000 times faster" in made.left_out[0]["why"]
+
+
+
 # the reference
 
 @pytest.mark.parametrize("order", [1, 2, 4])

@@ -22,6 +22,7 @@ DOMINATED = 8.0        # times slower than a row that errs less: a series ends t
 EAGER = 4.0            # a new series may cost so many times the cheapest run that is open
 KEPT = 0.1             # of the budget, for what comes last
 DEAR = 0.1             # of the budget, that the first run of a series may take unless it comes last
+TICK = 1e-4            # [ms] of a clock: a frame that takes less is measured as 0
 DOUBLES = 2            # float32 rows that are repeated in float64, to show where rounding begins
 
 
@@ -116,7 +117,7 @@ class Sweep:
                       + " in energy" * bool(self.reference.refused))
         elif ahead:
             self.drop(row.setting.finer(self.step), f"{ahead[0].setting} errs less than {row.setting.substeps} substeps and "
-                      f"is {row.ms / ahead[0].ms:.0f} times faster")
+                      f"is {row.ms / max(ahead[0].ms, TICK):.0f} times faster")
         return row.error > max(ENOUGH, doubt) and not ahead
 
     def doubles(self) -> None:

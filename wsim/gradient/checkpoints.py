@@ -114,11 +114,11 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
         slots.drop()
         entries.update((id(root), root.base.capacity) for root, _ in recording.record(first, last).entries)
         return slots.bytes
-    for first in (0, S - 1, 0):                  # again: what is read before it is written is known from then on
+    for first in (*{0, S - 1}, 0):               # again: what is read before it is written is known from then on
         begin = record(first, first + 1)
         one = max(one, begin)
     last = S if S * one <= room else min(S, 2)
-    whole = record(0, last)
+    whole = record(0, last) if last > 1 else begin
     each = whole / last if last == S else float(whole - begin)
     scalars = tuple(n * each / whole for n in slots.used)
     slots.drop()

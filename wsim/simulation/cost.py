@@ -19,6 +19,7 @@
     touch, near                 a launch for contacts (a search a substep, a projection an iteration), a point beside a collider
     mesh, wide                  a search of a mesh in a substep; a point beside one, by the seconds of a substep: it looks as
                                 far as it goes
+    surfaces, surfaced          what self-contact adds to a substep, and a point in it, where something is near (else nothing)
     met, damped, body           what a frame is said to take besides (`frame`), which no choice depends on: a point that may
                                 touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
                                 time / step), as the iterations of its solve go; a rigid body, or what else
@@ -59,12 +60,13 @@ COSTS = {
              "assembled": 3.9e-9, "gradient": 5.6e-5, "conjugate": 2.2e-8, "iterated": 3e-5, "pressed": 8.3e-4,
              "touch": 5.1e-6, "near": 3e-11, "mesh": 4e-5, "wide": 6e-6,
              "sheet": 1.8e-6, "shared": 5.8e-10, "sent": 4.5e-7, "struck": 3.3e-6, "tried": 1.6e-7, "faced": 1.6e-5,
-             "limited": 4.6e-6,
+             "limited": 4.6e-6, "surfaces": 4e-4, "surfaced": 1e-8,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
             "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
             "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
+            "surfaces": 1e-4, "surfaced": 1.3e-5,
             "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "wide": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
@@ -87,7 +89,7 @@ def seconds(model: Model, counted: dict[str, float]) -> float:
 def explicit(model: Model, n: int) -> dict[str, float]:
     """Counts of a frame of n substeps of leapfrog."""
     springs, work, kinds = _constraints(model)
-    tets, simple = _tets(model, 0), not (model.scene.colliders or model.scene.softs or work > springs)
+    tets, simple = _tets(model, 0), not (model.scene.colliders or model.scene.softs or work > springs or touches(model.scene))
     damped = any(r.tau for r in model.constraints)
     blown = any(cloth.drag or cloth.lift for cloth in model.scene.cloths)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
@@ -231,12 +233,13 @@ def _packed(body) -> bool:
 
 
 def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:
-    """What colliders add, met or not. A mesh that moves is fitted anew every substep."""
+    """What colliders and self-contact add, met or not. A mesh that moves is fitted anew every substep."""
     met, meshes = 0.0, 0
+    own: dict[str, float] = {"surfaces": n, "surfaced": n * model.points} if touches(model.scene) else {}
     for c in model.scene.colliders:
         mesh = isinstance(c.shape, Surface)
         meshes += mesh
         met += model.points * (MESH if mesh else 1.0)
         met += len(c.shape.indices) if isinstance(c.shape, Surface) and (c.shape.poses is not None or c.motion.moves) else 0.0
     return {"touch": n * (1 + iterations), "near": n * met, "mesh": n * meshes,
-            "wide": meshes * model.points * n / (n * model.scene.fps + SLOW)} if model.scene.colliders else {}
+            "wide": meshes * model.points * n / (n * model.scene.fps + SLOW)} | own if model.scene.colliders else own

@@ -4,13 +4,16 @@
         for frame in simulation.frames(24):
             ...
 
-`wsim run` writes its frames by the same functions.
+`wsim run` writes its frames by the same functions. What is read of points, here and by `Simulation`.
 """
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from wsim.scene import Problem, SceneError
+from wsim.scene.samples import Points
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
@@ -23,6 +26,42 @@ def settings(sim: "Simulation", samples: int = 1) -> dict:
     return {"device": "cuda" if sim.device.is_cuda else "cpu", "precision": sim.precision, "solver": sim.plan.choice.solver,
             "integrator": sim.plan.integrator, "substeps": sim.plan.clock.steps * samples,
             "iterations": sim.plan.clock.iterations}
+
+
+def points(sim: "Simulation", path: str | None, world: int, device: bool = False) -> Points | None:
+    """Points by that path, None: the only ones, that are no body's, such as rods'; None: a body's are meant. device: they are
+    asked for there, where bodies' are alone. Raises KeyError that lists the paths there are."""
+    bodies = [b.path for b in sim.model.bodies if b.world == world]
+    if path in bodies or (path is None and len(bodies) == 1):
+        return None
+    rest = [] if device else [s for s in sim.samples(min(max(world, 0), sim.worlds - 1)) if isinstance(s, Points)]
+    found = [s for s in rest if path in (None, s.path)] if 0 <= world < sim.worlds else []
+    if len(found) != 1 or (path is None and bodies):
+        there = sorted({b.path for b in sim.model.bodies} | {s.path for s in rest})
+        raise KeyError(f"path={path!r}, world={world} names {len(found) + len(bodies) * (path is None)} prims with points"
+                       f"{' on the device' * device}; there are {there} in worlds 0 to {sim.worlds - 1}")
+    return found[0]
+
+
+def positions(sim: "Simulation", path: str | None, world: int, device: bool):
+    """As `Simulation.positions`."""
+    found = points(sim, path, world, device)
+    if found is not None:
+        return found.positions
+    body = sim.model.body(path, world)
+    if device:
+        return sim.state.x, body.index
+    x = sim.state.x.numpy().astype(np.float64) + sim.state.e.numpy()
+    return x[body.index] + body.origin
+
+
+def velocities(sim: "Simulation", path: str | None, world: int, device: bool):
+    """As `Simulation.velocities`."""
+    found = points(sim, path, world, device)
+    if found is not None:
+        return found.velocities
+    body = sim.model.body(path, world)
+    return (sim.state.v, body.index) if device else sim.state.v.numpy().astype(np.float64)[body.index]
 
 
 def append(recorder: "Recorder", sim: "Simulation", code: float, stress: bool = False, reactions: bool = False,

@@ -17,8 +17,9 @@ import warp as wp
 from wsim.model import kernel_cache
 from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.check import slivers
 from wsim.scene.check.scene import check
-from wsim.simulation import duration, interrupt, retry
+from wsim.simulation import duration, interrupt, record, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.exceeded import Note, note
@@ -86,6 +87,7 @@ class Simulation:
         except RuntimeError as error:
             raise retry.refused(error, self.device) from None
         self.model, self.state, start = self.plan.model, self.plan.state, self.plan.methods.every("start")
+        start = [*start, *slivers.slow(self.scene, self.plan.choice.steps)]
         self.warnings += [w for w in (*map(str, start), *duration.long(self.plan, self.fps)) if w not in self.warnings]
         self.milliseconds: list[float] = []
         retry.settle(self)
@@ -142,8 +144,7 @@ class Simulation:
     def record(self, path, **more):
         """Writes this frame, and every frame from here on, into a USD file over the scene, until the block of a `with` ends, or
         it is closed: a `wsim.simulation.record.Record`, which says what `more` there is (stress, reactions, flatten)."""
-        from wsim.simulation.record import Record
-        return Record(self, path, **more)
+        return record.Record(self, path, **more)
 
     def run(self, frames: int | None = None, each: Callable | None = None) -> None:
         """Runs so many frames (None: the scene's); `each(simulation)` is called after every one."""
@@ -208,21 +209,17 @@ class Simulation:
     # reading and setting
 
     def positions(self, path: str | None = None, world: int = 0, device: bool = False):
-        """World positions [m] of a body's points, float64, (n, 3), in the author's order.
+        """World positions [m] of points of a body, of rods or of hairs that follow them, float64, (n, 3), in the author's
+        order.
 
-        device=True: (array of all points on the device in solver order, relative to the body's origin, index table);
-        no copy is made and nothing is waited for.
+        device=True, of bodies alone: (array of all points on the device in solver order, relative to the body's origin,
+        index table); no copy is made and nothing is waited for.
         """
-        body = self.model.body(path, world)
-        if device:
-            return self.state.x, body.index
-        x = self.state.x.numpy().astype(np.float64) + self.state.e.numpy()
-        return x[body.index] + body.origin
+        return record.positions(self, path, world, device)
 
     def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
-        """Velocities [m/s] of a body's points, (n, 3), as `positions`."""
-        body = self.model.body(path, world)
-        return (self.state.v, body.index) if device else self.state.v.numpy().astype(np.float64)[body.index]
+        """Velocities [m/s] of points, (n, 3), as `positions`."""
+        return record.velocities(self, path, world, device)
 
     def poses(self, path: str | None = None) -> dict[str, np.ndarray]:
         """Local-to-world transforms (4, 4), lengths [m], of the colliders at the current time, by path."""

@@ -47,7 +47,8 @@ class Sides:
 
 @cache
 def lists(module: str):
-    """Kernels that make `of` anew behind a search, and carry over what pairs had that were listed before."""
+    """Kernels that make `of` anew behind a search, and carry over what pairs had that were listed before. A point without room
+    for all of its pairs would push others and not be pushed: then there are no pairs, and no lists, until the frame ends."""
     @wp.func
     def before(near: NearPairs, a: int, b: int):
         """True if entry a stands before entry b."""
@@ -73,10 +74,12 @@ def lists(module: str):
                     to.of[p, slot] = 4 * i + c
 
     @wp.kernel(module=module, enable_backward=False)
-    def order(point: wp.array(dtype=int), near: NearPairs, word: int, to: Pressed, said: wp.array(dtype=int)):
+    def order(point: wp.array(dtype=int), near: NearPairs, word: int, to: Pressed, said: wp.array(dtype=int),
+              words: wp.array(dtype=int)):
         p = point[wp.tid()]
         if to.many[p] > to.of.shape[1]:
             wp.atomic_max(said, word, to.many[p])
+            wp.atomic_max(words, pairs.LACKED, 1)
         for i in range(1, wp.min(to.many[p], to.of.shape[1])):
             own = to.of[p, i]
             j = i
@@ -84,6 +87,14 @@ def lists(module: str):
                 to.of[p, j] = to.of[p, j - 1]
                 j -= 1
             to.of[p, j] = own
+
+    @wp.kernel(module=module, enable_backward=False)
+    def drop(point: wp.array(dtype=int), near: NearPairs, to: Pressed, words: wp.array(dtype=int)):
+        if words[pairs.LACKED] > 0:
+            to.many[point[wp.tid()]] = 0
+            near.count[0] = 0
+            words[pairs.NEAR] = 0
+            words[pairs.SOON] = 0
 
     @wp.kernel(module=module, enable_backward=False)
     def recall(near: NearPairs, old: Pressed, ids: wp.array(dtype=wp.vec4i), to: Pressed):
@@ -98,7 +109,7 @@ def lists(module: str):
                 to.stick[i] = old.stick[k]
                 to.load[i] = old.load[k]
 
-    return enlist, order, recall
+    return enlist, order, drop, recall
 
 
 @cache

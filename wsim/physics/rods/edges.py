@@ -12,7 +12,7 @@ import warp as wp
 from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.tubes import LONG
 from wsim.model.structs import filled
-from wsim.physics.selfcontact.start import crowded, joined
+from wsim.physics.selfcontact.start import Strands, crowded, joined
 from wsim.physics.selfcontact.surfaces import TUBE, TUBE_EDGE, ULP, WRITTEN
 from wsim.scene import Problem
 
@@ -46,6 +46,9 @@ class Edges:
         self.thickness = 2.0 * float(reach[self.points].max(initial=0.0))
         length = table.values["length"].ravel()[first]
         self.edge = float(length.mean())
+        along = np.zeros((table.longest, m))
+        along[1:] = np.cumsum(table.values["length"][:-1], axis=0)
+        self.along = along.ravel()                                       # length at rest from the first point [m]
         self.beta = max(TUBE * self.thickness, TUBE_EDGE * self.edge)
         self.data = self._upload(ground, reach)
 
@@ -57,8 +60,6 @@ class Edges:
             far[own] = t.origin[own] - M[:3, 3]
             unit[own] = WRITTEN * np.linalg.cond(M[:3, :3])
             friction[own] = rods.static_friction, rods.dynamic_friction
-        along = np.zeros((t.longest, m, 3))
-        along[1:, :, 0] = np.cumsum(t.values["length"][:-1], axis=0)
         free = (t.hold < 0) & (t.values["m"] > 0.0)
         w = np.where(free, 1.0 / np.where(free, t.values["m"], 1.0), 0.0).ravel()
         up, k = ground.upload, self.strand
@@ -66,7 +67,7 @@ class Edges:
         return filled(
             pairs.surfaces(wp.float64), w=up(w, wp.float64), point=up(self.points, int), edge=up(self.edges, wp.vec2i),
             triangle=up(self.triangles, wp.vec3i), unit=up(unit[k], wp.float64), reach=up(reach, wp.float64),
-            friction=up(friction[k], wp.vec2d), rest=up(along.reshape(-1, 3), wp.vec3d), body=up(k, int),
+            friction=up(friction[k], wp.vec2d), rest=up(self.along[:, None] * (1.0, 0.0, 0.0), wp.vec3d), body=up(k, int),
             world=up(self.world, int), shift=up((t.origin - self.base)[k], wp.vec3d), far=up(far[k], wp.vec3d), beta=self.beta,
             longest=LONG * self.edge, tied=0, ulp=ULP[np.float64])
 
@@ -79,7 +80,7 @@ class Edges:
         x, first, reach = self.start(self.ground) + self.base, self.world == 0, self.table.values["radius"].ravel()
         own, edges, paths = self.points[first[self.points]], self.edges[first[self.edges[:, 0]]], self.paths[self.strand]
         crowded(x[own], paths[own], "strands", self)
-        return joined(x, edges, paths[edges[:, 0]], reach[edges].mean(axis=1))
+        return joined(Strands(x, self.along, reach, edges, self.strand[edges[:, 0]], paths[edges[:, 0]]))
 
     def sides(self) -> SimpleNamespace:
         """Mass [kg] and E A / d [N/m] of every point, and its strand."""

@@ -218,12 +218,17 @@ class Strands(Method):
                   device=self.model.device, block_dim=THREADS)
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
-        left, found = self.said.numpy()[:, 1], []
+        (left, deep), found = self.said.numpy()[:, 1:3].T, []
         for own, (rods, world) in zip(self.table.own, self.table.pairs, strict=True):
             worst = float(left[own].max(initial=0.0))
             if worst > float(TOLERANCE):
                 found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of "
                               "{worst} of an edge's length in a substep; give more substeps"))
+                inside = float(deep[own].max())
+                if inside > rods.diameters.max():
+                    found.append((("rods", "deep", rods.path, world), inside, f"{rods.path}: points were {{worst}} m deep in "
+                                  "colliders: these left no room there, or came in one substep; give more room, or smaller "
+                                  "widths"))
         return found + self.touching.notes() if self.touching else found
 
     # what is told and set

@@ -39,7 +39,7 @@ class Touching(Together):
         self.told = self.edges.told()
         self.near = Near(cast(Any, self.ground), cast(Any, self.edges))
         self.guarantee = Guarantee(cast(Any, self.ground), self.near, whole=True)
-        self.enlist, self.order, self.recall = touch.lists(module)
+        self.enlist, self.order, self.drop, self.recall = touch.lists(module)
         self.ready, self.press, self.gather = touch.ready(module), touch.press(module), touch.gather(module)
         self.across, self.keep = touch.across(module), touch.keep(module)
         self.sides = filled(touch.Sides, **{k: self.ground.upload(v, int if k == "strand" else wp.float64)
@@ -110,7 +110,9 @@ class Touching(Together):
         for name in ("press", "stiff", "along"):
             getattr(self.strands.trial, name).zero_()
         launch(self.enlist, near.pairs.capacity, [near.pairs], [P])
-        launch(self.order, len(self.edges.points), [self.edges.data.point, near.pairs, FULL], [P, self.said])
+        point = self.edges.data.point
+        launch(self.order, len(point), [point, near.pairs, FULL], [P, self.said, near.words])
+        launch(self.drop, len(point), [point], [near.pairs, P, near.words])
         launch(self.recall, near.pairs.capacity, [near.pairs, old, self.old_ids], [P])
 
     def again(self) -> None:

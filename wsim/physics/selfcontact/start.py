@@ -4,12 +4,15 @@ precision of a file cannot hold."""
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wsim.geometry import topology
-from wsim.physics.selfcontact.crossings import candidates, crossings, sharing
+from wsim.kernels.selfcontact.rows import RECOVERY
+from wsim.kernels.selfcontact.search import REST
+from wsim.physics.selfcontact.crossings import crossings, overlaps, sharing
 from wsim.scene import Problem, SceneError
 from wsim.scene.check.objects import NEAR, three_digits
 
@@ -24,6 +27,8 @@ CROWD = 500            # points within the reach of a pair: 330 are where five l
 TANGLE, LOOSE = 4, 1000      # pairs a triangle that may intersect, and besides: each is tested exactly, and stays near
 NAMED = 3              # places that are told
 MET = 1e-3             # of what both keep: strands nearer than that begin in each other, and no side is theirs
+SUNK = 0.9             # of it: strands nearer than that are told
+HEAP = 20000           # pairs of edges nearer than half of it, besides TANGLE an edge: 60 parallel strands take half a minute
 
 
 def reports(model: Model, surfaces: Surfaces) -> list[Problem]:
@@ -88,24 +93,86 @@ def crowded(x: np.ndarray, paths: np.ndarray, what: str, tables: Any) -> None:
                                  "wsim:selfCollision out"))
 
 
-def joined(x: np.ndarray, edges: np.ndarray, paths: np.ndarray, keep: np.ndarray) -> list[Problem]:
-    """Warning of edges (e, 2) of strands whose centre lines meet: nearer than MET of what both keep (e,) [m]. x: places [m];
-    paths (e,). Raises SceneError where so many do that solutions do not end: a frame of 30 strands in one took minutes."""
-    ends = x[edges]
-    pairs = candidates(ends.min(axis=1), ends.max(axis=1))
-    pairs = pairs[~sharing(edges, pairs)]
-    a, b = ends[pairs[:, 0]], ends[pairs[:, 1]]
-    pairs = pairs[apart(a, b) < MET * keep[pairs].sum(axis=1)]
-    if not len(pairs):
-        return []
-    where = [f"{paths[i]} and {paths[j]} at ({', '.join(f'{v:.4g}' for v in ends[[i, j]].mean(axis=(0, 1)))}) m"
-             for i, j in pairs[:NAMED]]
-    if len(pairs) > (most := TANGLE * len(edges) + LOOSE):
-        raise SceneError(Problem(str(paths[pairs[0, 0]]), f"its strands are a tangle where they start: {len(pairs)} pairs of "
-                                 f"edges meet, such as {where[0]}; expected: none, {most} at most; move them apart, or leave "
+@dataclass
+class Strands:
+    """Edges of strands of a world where they start. x: places [m], (n, 3); along: length at rest from the first point of the
+    strand [m], (n,); reach: radii [m], (n,); edges: (e, 2); strand, path: of each, (e,)."""
+
+    x: np.ndarray
+    along: np.ndarray
+    reach: np.ndarray
+    edges: np.ndarray
+    strand: np.ndarray
+    path: np.ndarray
+
+    def keep(self, pairs: np.ndarray) -> np.ndarray:
+        """Distances [m] that pairs of edges keep, (k,), as kernels/selfcontact/search.py has them."""
+        radius, ends = self.reach[self.edges].max(axis=1), self.along[self.edges[pairs]]
+        between = ends.min(axis=2).max(axis=1) - ends.max(axis=2).min(axis=1)
+        same = self.strand[pairs[:, 0]] == self.strand[pairs[:, 1]]
+        return np.where(same, np.minimum(REST * between, radius[pairs].sum(axis=1)), radius[pairs].sum(axis=1))
+
+    def near(self, most: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Pairs of edges that are nearer than SUNK of what they keep, (k, 2), nearest first, and the part of it that they have,
+        (k,): some of them, where more than most[0] meet, or most[1] are nearer than half. Least distance of those that are
+        nearer than that and do not meet [m]."""
+        ends, reach, n = self.x[self.edges], self.reach[self.edges].max(axis=1)[:, None], len(self.edges)
+        keys, part, least = np.zeros(0, np.int64), np.zeros(0), math.inf
+        for some in overlaps(ends.min(axis=1) - reach, ends.max(axis=1) + reach):
+            some = some[~sharing(self.edges, some)]
+            away = apart(ends[some[:, 0]], ends[some[:, 1]])
+            found = away / self.keep(some)
+            sunk = found < SUNK
+            least = float(away[sunk & (found >= MET)].min(initial=least))
+            if (_many(part) <= most).all():
+                keys, first = np.unique(np.concatenate([keys, (some @ (n, 1))[sunk]]), return_index=True)
+                part = np.concatenate([part, found[sunk]])[first]
+        order = np.lexsort((keys, part))
+        return np.stack(np.divmod(keys[order], n), axis=1), part[order], least
+
+    def told(self, pairs: np.ndarray) -> list[str]:
+        """Paths and places of pairs."""
+        at = self.x[self.edges[pairs]].mean(axis=(1, 2))
+        return [f"{self.path[i]} and {self.path[j]} at ({', '.join(f'{v:.4g}' for v in x)}) m"
+                for (i, j), x in zip(pairs, at, strict=True)]
+
+
+def _many(part: np.ndarray) -> np.ndarray:
+    """How many meet, and how many are nearer than half."""
+    return np.array([np.count_nonzero(part < MET), np.count_nonzero(part < 0.5)])
+
+
+def joined(s: Strands) -> list[Problem]:
+    """Warnings of edges of strands whose centre lines meet, nearer than MET of what both keep, and of those nearer than SUNK of
+    it. Raises SceneError where so many do, or are nearer than half, that a frame takes minutes."""
+    most = np.array([LOOSE, HEAP]) + TANGLE * len(s.edges)
+    pairs, part, least = s.near(most)
+    met, half = _many(part)
+    where = s.told(pairs[:NAMED])
+    if met > most[0]:
+        raise SceneError(Problem(str(s.path[pairs[0, 0]]), f"its strands are a tangle where they start: more than {most[0]} "
+                                 f"pairs of edges meet, such as {where[0]}; expected: none; move them apart, or leave "
                                  "wsim:selfCollision out"))
-    return [Problem(str(paths[pairs[0, 0]]), f"{len(pairs)} pairs of edges of strands meet where they start, such as "
-                    f"{'; '.join(where)}: which is on which side is arbitrary; move them apart there", False)]
+    found = [Problem(str(s.path[pairs[0, 0]]), f"{met} pairs of edges of strands meet where they start, such as "
+                     f"{'; '.join(where[:met])}: which is on which side is arbitrary; move them apart there",
+                     False)] if met else []
+    ends = np.sort(s.strand[pairs], axis=1) @ (int(s.strand.max(initial=0)) + 1, 1)
+    rest = ~np.isin(ends, ends[:met])                    # beside edges that meet others of both strands are near
+    return [*found, _sunk(s, pairs[rest], part[rest][0], half if half > most[1] else 0, least)] if rest.any() else found
+
+
+def _sunk(s: Strands, pairs: np.ndarray, part: float, heap: int, least: float) -> Problem:
+    """Warning of pairs that begin nearer than they keep, the first of which has that part of it. Raises SceneError where there
+    are a heap of them. least: distance of all that do not meet [m]."""
+    keep, path = float(s.keep(pairs[:1])[0]), str(s.path[pairs[0, 0]])
+    where = f"such as {s.told(pairs[:1])[0]}, {part * keep:.3g} m apart where they keep {keep:.3g} m"
+    mend = f"give widths of at most {three_digits(least, math.floor):.3g} m there, or move them apart"
+    if heap:
+        raise SceneError(Problem(path, f"at least {heap} pairs of edges of strands begin nearer than half of what they keep, "
+                                 f"{where}: a frame would take minutes; expected: {HEAP} and {TANGLE} an edge at most; {mend}, "
+                                 "or leave wsim:selfCollision out"))
+    return Problem(path, f"{len(pairs)} pairs of edges of strands begin nearer than they are thick, {where}: they are pushed "
+                   f"apart at {RECOVERY:g} m/s and more; {mend}", False)
 
 
 def apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -10,10 +10,11 @@ of a mesh is faster than the fastest of its triangles alone (Irons, Treharne 197
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Cloth, Scene
+from wsim.scene import Cloth, Problem, Scene
 
 FEW = 5                # faces that are named
-WORSE = 4.0            # times the median frequency from which the fastest triangles are told of
+WORSE = 4.0            # times the median frequency from which the fastest triangles are told of, by `wsim check`, and by a run
+FAR_WORSE = 10.0       # that takes more substeps than its scene names
 
 
 def frequencies(cloth: Cloth) -> tuple[np.ndarray, np.ndarray]:
@@ -30,19 +31,33 @@ def frequencies(cloth: Cloth) -> tuple[np.ndarray, np.ndarray]:
         return np.sqrt(fabric * top) / twice, face
 
 
+def slow(scene: Scene, steps: int) -> list[Problem]:
+    """Warnings of cloths whose fastest triangles are FAR_WORSE than their median, where a frame takes more steps than the scene
+    names."""
+    if steps <= scene.substeps:
+        return []
+    return [Problem(path, f"a frame takes {steps} substeps, the scene names {scene.substeps}: {text}", False)
+            for path, text in worst(scene, FAR_WORSE)]
+
+
 def told(scene: Scene) -> list[str]:
     """Words about what the worst triangles of each cloth do to explicit steps."""
+    return [f"{path}: {text}" for path, text in worst(scene, WORSE)]
+
+
+def worst(scene: Scene, worse: float) -> list[tuple[str, str]]:
+    """Path of each cloth some triangles of which are over so many times as fast as the median one, and words about them."""
     texts = []
     for cloth in scene.cloths:
         omega, face = frequencies(cloth)
         if not len(omega):
             continue
         top, median = float(omega.max()), float(np.median(omega))
-        if top <= WORSE * median:
+        if top <= worse * median:
             continue
-        worst = list(dict.fromkeys(face[np.argsort(-omega, kind="stable")].tolist()))[:FEW]
-        count = int((omega > WORSE * median).sum())
-        texts.append(f"{cloth.path}: {count} of {len(omega)} triangles are over {WORSE:g} times as fast as the median one: "
-                     f"alone, the fastest stands explicit steps of {2e6 / top:.3g} us, the median {2e6 / median:.3g} us; the "
-                     f"worst are faces {', '.join(map(str, worst))} (move their corners apart, or merge short edges)")
+        count = int((omega > worse * median).sum())
+        named = list(dict.fromkeys(face[np.argsort(-omega, kind="stable")][:count].tolist()))[:FEW]
+        texts.append((cloth.path, f"{count} of {len(omega)} triangles are over {worse:g} times as fast as the median one: "
+                      f"alone, the fastest stands explicit steps of {2e6 / top:.3g} us, the median {2e6 / median:.3g} us; the "
+                      f"worst are faces {', '.join(map(str, named))} (move their corners apart, or merge short edges)"))
     return texts
