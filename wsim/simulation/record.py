@@ -44,7 +44,7 @@ def points(sim: "Simulation", path: str | None, world: int, device: bool = False
 
 
 def positions(sim: "Simulation", path: str | None, world: int, device: bool):
-    """As `Simulation.positions`."""
+    """World positions [m] of points by path, as `Simulation.positions` has them."""
     found = points(sim, path, world, device)
     if found is not None:
         return found.positions
@@ -56,7 +56,7 @@ def positions(sim: "Simulation", path: str | None, world: int, device: bool):
 
 
 def velocities(sim: "Simulation", path: str | None, world: int, device: bool):
-    """As `Simulation.velocities`."""
+    """Velocities [m/s] of points by path, as `Simulation.velocities` has them."""
     found = points(sim, path, world, device)
     if found is not None:
         return found.velocities
