@@ -117,7 +117,7 @@ def apart(kinds: tuple[str, ...], airy: bool, module: str):
             if deep > wp.float64(0.0):
                 wp.atomic_max(said, k, 2, deep)
 
-    @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 10))
+    @wp.kernel(enable_backward=False, module=module, launch_bounds=(32, 8))        # 10: a quarter slower, for want of registers
     def finish_strands(S: Strands, H: Holds, C: Colliders, Q: Motion, T: Trial, A: Parts, said: wp.array2d(dtype=wp.float64)):
         place = wp.tid() / wp.static(WARP)
         lane = wp.tid() % wp.static(WARP)
