@@ -160,8 +160,9 @@ def lying(n: int, body: Body) -> Scene:
 def test_a_body_that_starts_inside_of_a_cloth_is_named_with_the_place(shape):
     """Only colliders were. One that rests on it is not named, nor one between whose points a chord sinks into a ball."""
     def said(y: float, n: int = 8) -> list[str]:
-        body = Body("/body", [Collider("/body/shape", shape, Motion.at_place((0.0, 0.02, 0.0)))], Motion.at_place((0.1, y, 0.05)))
-        return [str(p) for p in check(lying(n, body)) if "start" in p.text]
+        of = Collider("/body/shape", shape, Motion.at_place((0.0, 0.02, 0.0)))
+        found = check(lying(n, Body("/body", [of], Motion.at_place((0.1, y, 0.05)))))
+        return [str(p) for p in found if "start" in p.text]
     assert not said(0.0301) and not said(0.0301, 3) and not said(0.5)
     found, = said(-0.01)
     assert "/sheet: " in found and "of its 81 free points start inside of /body/shape, the deepest, point " in found

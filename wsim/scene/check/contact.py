@@ -93,9 +93,9 @@ def _buried(scene: Scene, body, moved: list[Collider]) -> Iterator[Problem]:
         if inside := int((depth > near).sum()):
             d = int(some[np.argmax(depth)])
             yield warning(body.path, f"{inside} of its {len(which)} free points start inside of {c.path}, the deepest, "
-                          f"point {which[d]}, by {depth.max():.3g} m at {_place(points[d], near)}", "none", "move one of them apart"
-                          f"{'' if id(c) in of_bodies else ', or pin those points'}: they are pushed out the nearest way at "
-                          "0.5 m/s, which may be the far side")
+                          f"point {which[d]}, by {depth.max():.3g} m at {_place(points[d], near)}", "none", "move one of them "
+                          f"apart{'' if id(c) in of_bodies else ', or pin those points'}: they are pushed out the nearest way "
+                          "at 0.5 m/s, which may be the far side")
 
 
 def _between(body, mover: Collider) -> Iterator[Problem]:
@@ -116,5 +116,5 @@ def _between(body, mover: Collider) -> Iterator[Problem]:
     depth = -signed_distance.distance(mover, places, near)
     if depth.max() > near + chord.hidden(chord.breadth(points, faces), chord.radius(mover)):
         yield warning(body.path, f"the rigid body {mover.path} starts in its triangles, between their points, by "
-                      f"{depth.max():.3g} m at {_place(places[np.argmax(depth)], near)}: points alone meet rigid bodies, and it goes "
-                      "through there", "bodies that start beside it", "move one of them apart, or refine the mesh")
+                      f"{depth.max():.3g} m at {_place(places[np.argmax(depth)], near)}: points alone meet rigid bodies, and "
+                      "it goes through there", "bodies that start beside it", "move one of them apart, or refine the mesh")
