@@ -1,5 +1,7 @@
 """Stages that cannot be right: a line for each, with its path, what was found, what is allowed and a mend."""
 
+import re
+
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
@@ -8,7 +10,7 @@ from tests.physics.rigid.pairs import WHERE
 from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rods.objects import Rods
-from wsim.scene import Box, Collider, Plane, Scene, SceneError, shapes
+from wsim.scene import Box, Collider, Plane, Scene, SceneError, Sphere, Surface, shapes
 from wsim.scene.check.scene import check
 from wsim.scene.curve import Motion
 from wsim.simulation.simulation import Simulation
@@ -142,3 +144,36 @@ def test_a_pin_whose_target_does_not_move_with_a_body_holds(target):
     scene.collider("/box/lift", Plane())
     scene.pin("/tied", scene.cloth("/cloth", *shapes.sheet(0.5, 0.5, 2, 2, horizontal=True)), [0], target=target)
     assert not [p for p in check(scene) if p.fatal]
+
+
+def lying(n: int, body: Body) -> Scene:
+    """A level sheet of 40 cm and n x n squares about the origin, and a body."""
+    scene = Scene()
+    points, counts, indices = shapes.sheet(0.4, 0.4, n, n, horizontal=True)
+    scene.cloth("/sheet", points - points.mean(axis=0), counts, indices)
+    scene.add(body)
+    return scene
+
+
+@pytest.mark.parametrize("shape", [Box((0.05, 0.05, 0.05)), Sphere(0.05), Surface(*shapes.box((0.05, 0.05, 0.05)))],
+                         ids=["box", "ball", "mesh"])
+def test_a_body_that_starts_inside_of_a_cloth_is_named_with_the_place(shape):
+    """Only colliders were. One that rests on it is not named, nor one between whose points a chord sinks into a ball."""
+    def said(y: float, n: int = 8) -> list[str]:
+        of = Collider("/body/shape", shape, Motion.at_place((0.0, 0.02, 0.0)))
+        found = check(lying(n, Body("/body", [of], Motion.at_place((0.1, y, 0.05)))))
+        return [str(p) for p in found if "start" in p.text]
+    assert not said(0.0301) and not said(0.0301, 3) and not said(0.5)
+    found, = said(-0.01)
+    assert "/sheet: " in found and "of its 81 free points start inside of /body/shape, the deepest, point " in found
+    assert "m at (0.1, 0, 0.05) m; expected: none; mend: move one of them apart: they are pushed out" in found
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_a_body_that_starts_between_the_points_of_a_cloth_is_named_with_the_place(n):
+    """These alone meet it: it would go through there."""
+    body = Body("/body", [Collider("/body", Box((0.03, 0.03, 0.03)))], Motion.at_place((0.1, 0.01, 0.05)))
+    found, = [str(p) for p in check(lying(n, body)) if "start" in p.text]
+    assert "/sheet: the rigid body /body starts in its triangles, between their points, by 0.02 m at (" in found
+    x, z = re.search(r"at \(([\d.]+), 0, ([\d.]+)\) m: points alone meet rigid bodies", found).groups()
+    assert abs(float(x) - 0.1) < 0.03 and abs(float(z) - 0.05) < 0.03

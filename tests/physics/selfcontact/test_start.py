@@ -6,6 +6,7 @@ import pytest
 from tests.physics.selfcontact.rig import THIN, run
 from wsim.scene import Scene, SceneError, shapes
 from wsim.scene.fabric import Fabric
+from wsim.scene.solid import Bulk
 
 
 def scene(*places, material=THIN, **more) -> Scene:
@@ -37,6 +38,36 @@ def test_surfaces_that_start_apart_are_told_of_nothing():
     sim = run(scene((True, (0.0, 0.0, 0.0)), (True, (0.0, 0.02, 0.0))))
     sim.run(2)
     assert not [w for w in sim.warnings if "start" in w or "thickness" in w]
+
+
+@pytest.mark.parametrize("gap, told", [(0.0, True), (1e-9, True), (-1e-9, True), (1e-6, False)])
+def test_surfaces_that_lie_on_each_other_at_the_start_are_told_with_the_place(gap, told):
+    """Nearer than a file can hold, 2e-8 m here, the exact test finds some apart: the first frame told a number alone."""
+    standing = scene((True, (0.0, 0.0, 0.0)), (False, (0.0, 0.0, 0.0)))
+    lower = standing.cloths[1].points
+    lower[:, 1] -= lower[:, 1].min() - gap
+    said = [w for w in run(standing).warnings if "where surfaces start" in w]
+    assert bool(said) == told
+    if said:
+        words = "intersect" if gap <= 0.0 else "lie on each other"
+        assert [w for w in said if words in w and ("/cloth0 and /cloth1 at (" in w or "/cloth1 and /cloth0 at (" in w)]
+
+
+@pytest.mark.parametrize("side", [4, 8])
+def test_points_of_a_cloth_between_those_that_it_shares_with_a_soft_body_are_told(side):
+    """Twice as many points along the seam as the soft body has there lie on its edges; as many of them are all shared."""
+    sewn = Scene(fps=60.0, substeps=4, solver="implicit", integrator="backward_euler")
+    block, tets = shapes.block((0.2, 0.1, 0.2), (4, 2, 4))
+    sewn.soft("/jelly", block, tets, material=Bulk(young=2e4), self_collision=True)
+    points, counts, indices = shapes.sheet(0.2, 0.2, side, side, horizontal=True)
+    points = points - points.min(axis=0) + (block[:, 0].max(), block[:, 1].max(), block[:, 2].min())
+    sewn.cloth("/sheet", points, counts, indices, material=THIN, self_collision=True)
+    away = np.linalg.norm(points[:, None] - block[None], axis=2)
+    shared = np.flatnonzero(away.min(axis=1) < 1e-6)
+    sewn.tie("/tie", "/sheet", shared, "/jelly", away[shared].argmin(axis=1))
+    said = [w for w in run(sewn).warnings if "lie on each other where surfaces start" in w]
+    assert len(shared) == 5 and len(said) == (side == 8)
+    assert not said or "/jelly and /sheet at (" in said[0] or "/sheet and /jelly at (" in said[0]
 
 
 def test_a_thickness_beyond_the_edges_is_told_with_the_largest_that_does():

@@ -4,6 +4,7 @@ precision of a file cannot hold."""
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from wsim.geometry import topology
 from wsim.kernels.selfcontact.rows import RECOVERY
 from wsim.kernels.selfcontact.search import REST
-from wsim.physics.selfcontact.crossings import crossings, overlaps, sharing
+from wsim.physics.selfcontact.crossings import crossings, once, overlaps, sharing
 from wsim.scene import Problem, SceneError
 from wsim.scene.check.objects import NEAR, three_digits
 
@@ -29,6 +30,7 @@ NAMED = 3              # places that are told
 MET = 1e-3             # of what both keep: strands nearer than that begin in each other, and no side is theirs
 SUNK = 0.9             # of it: strands nearer than that are told
 HEAP = 20000           # pairs of edges nearer than half of it, besides TANGLE an edge: 60 parallel strands take half a minute
+KEPT = 1.75            # units of rounding of a file that a proof asks for between two surfaces
 
 
 def reports(model: Model, surfaces: Surfaces) -> list[Problem]:
@@ -198,22 +200,68 @@ def _fullest(x: np.ndarray, size: float) -> tuple[int, int]:
 
 
 def _crossed(model: Model, surfaces: Surfaces) -> list[tuple[str, str]]:
-    """Triangles without a common point that intersect, by the exact test; not those of two colliders."""
+    """Triangles without a common point that intersect, by the exact test; not those of two colliders. Others that lie on each
+    other, nearer than files can tell apart; of two that share a point, those of two bodies: what is sewn to the edge of another
+    may have points between the common ones."""
     (triangles, own, names), x = _first(surfaces), surfaces.start(model)
-    most = TANGLE * len(triangles) + LOOSE
-    found = crossings(x, triangles, neighbours=False, own=own, most=most)
-    if not len(found):
-        return []
-    where = [f"{names[s]} and {names[t]} at ({', '.join(f'{v:.4g}' for v in place)}) m"
-             for s, t in found[:NAMED] for place in [x[triangles[[s, t]]].mean(axis=(0, 1)) + surfaces.base]]
+    most, gap = TANGLE * len(triangles) + LOOSE, KEPT * max(_least(b) for b in surfaces.bodies if b.world == 0) / STEPS
+    corners, whose, near = x[triangles], np.unique(names, return_inverse=True)[1], [np.zeros((0, 2), np.int64)]
+
+    def overlapping() -> Iterator[np.ndarray]:
+        for some in overlaps(corners.min(axis=1) - 0.5 * gap, corners.max(axis=1) + 0.5 * gap):
+            yield some
+            some = some[some[:, 0] < own]
+            some = some[~sharing(triangles, some) | (whose[some[:, 0]] != whose[some[:, 1]])]
+            near.append(some[lying(corners[some], triangles[some], gap)])
+    found = crossings(x, triangles, neighbours=False, own=own, most=most, among=overlapping())
+
+    def places(pairs: np.ndarray) -> str:
+        return "; ".join(f"{names[s]} and {names[t]} at ({', '.join(f'{v:.4g}' for v in at)}) m" for s, t in pairs[:NAMED]
+                         for at in [corners[[s, t]].mean(axis=(0, 1)) + surfaces.base])
     if len(found) > most:
         raise SceneError(Problem(names[found[0, 0]], f"its surface is a tangle where it starts: more than {most} pairs of "
-                                 f"triangles intersect, such as {where[0]}; expected: none, {TANGLE} a triangle and {LOOSE} at "
-                                 "most; move them apart, or leave wsim:selfCollision out"))
-    size = float(np.ptp(x[triangles.ravel()], axis=0).max())
-    surfaces.flatten(model, triangles[np.unique(found[found < own])], LITTLE * size)
-    return [(names[found[0, 0]], f"{len(found)} pairs of triangles intersect where surfaces start, such as {'; '.join(where)}: "
-             "they keep no thickness there, and stay crossed where nothing takes them apart; move them apart there")]
+                                 f"triangles intersect, such as {places(found[:1])}; expected: none, {TANGLE} a triangle and "
+                                 f"{LOOSE} at most; move them apart, or leave wsim:selfCollision out"))
+    told, base = [], (len(triangles), 1)
+    if len(found):
+        size = float(np.ptp(x[triangles.ravel()], axis=0).max())
+        surfaces.flatten(model, triangles[np.unique(found[found < own])], LITTLE * size)
+        told.append((names[found[0, 0]], f"{len(found)} pairs of triangles intersect where surfaces start, such as "
+                     f"{places(found)}: they keep no thickness there, and stay crossed where nothing takes them apart; move "
+                     "them apart there"))
+    on = once(near, len(triangles))
+    on = on[~np.isin(on @ base, found @ base)]
+    if len(on):
+        told.append((names[on[0, 0]], f"{len(on)} pairs of triangles lie on each other where surfaces start, such as "
+                     f"{places(on)}: files tell nothing apart that is nearer than {gap:.2g} m, and which is on which side is "
+                     "arbitrary; move them apart there, or give them common points"))
+    return told
+
+
+def lying(x: np.ndarray, names: np.ndarray, gap: float) -> np.ndarray:
+    """True where a point of one triangle is nearer to the other than gap [m], or edges are, of those that have no point in
+    common, (k,). x: corners, (k, 2, 3, 3) [m]; names of their points, (k, 2, 3)."""
+    n = np.cross(x[:, :, 1] - x[:, :, 0], x[:, :, 2] - x[:, :, 0])
+    n /= np.maximum(np.linalg.norm(n, axis=2, keepdims=True), np.finfo(np.float64).tiny)
+    away = np.einsum("ksc,kspc->ksp", n, x[:, ::-1] - x[:, :, :1])                 # of the other's points from each plane
+    some = np.flatnonzero(~((away > gap).all(axis=2) | (away < -gap).all(axis=2)).any(axis=1))
+    x, names, found = x[some], names[some], np.zeros(len(x), bool)
+    near = np.zeros(len(some), bool)
+    for i in range(3):
+        for j in range(3):
+            own = ~(names[:, 0, [i, i - 1]][:, :, None] == names[:, 1, [j, j - 1]][:, None, :]).any(axis=(1, 2))
+            near |= own & (apart(x[:, 0, [i, i - 1]], x[:, 1, [j, j - 1]]) < gap)
+        for s in (0, 1):
+            p, own = x[:, s, i], ~(names[:, s, i, None] == names[:, 1 - s]).any(axis=1)
+            near |= own & (np.abs(away[some, 1 - s, i]) < gap) & _over(p, x[:, 1 - s], n[some, 1 - s])
+    found[some[near]] = True
+    return found
+
+
+def _over(p: np.ndarray, t: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """True where p (k, 3) is above or below a triangle (k, 3, 3) with the normal n (k, 3)."""
+    e = np.roll(t, -1, axis=1) - t
+    return (np.einsum("kic,kc->ki", np.cross(e, p[:, None] - t), n) >= 0.0).all(axis=1) & n.any(axis=1)
 
 
 def _thick(body: Body, surfaces: Surfaces) -> list[str]:

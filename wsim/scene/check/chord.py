@@ -96,13 +96,20 @@ def hidden(c: float, R: float) -> float:
 def body_breadth(body: Cloth | Springs | Soft) -> float:
     """c [m] of a body of a scene, from its rest shape in the world."""
     rest = getattr(body, "rest_points", None)
-    points = body.motion.points(body.points if rest is None else rest, 0.0)
+    _, faces = body_faces(body)
+    return breadth(body.motion.points(body.points if rest is None else rest, 0.0), faces)
+
+
+def body_faces(body: Cloth | Springs | Soft) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a body of a scene where it starts, (n, 3) [m, world], and triangles of its surface, (t, 3); (i, j, j) is a
+    spring."""
+    points = body.motion.points(body.points, 0.0)
     if isinstance(body, Springs):
-        return breadth(points, body.edges[:, [0, 1, 1]])
+        return points, body.edges[:, [0, 1, 1]]
     if isinstance(body, Soft):
         from wsim.geometry.tetra import tets
-        return breadth(points, tets.surface(body.tets))
-    return breadth(points, triangulate(body.points, body.counts, body.indices)[0])
+        return points, tets.surface(body.tets)
+    return points, triangulate(body.points, body.counts, body.indices)[0]
 
 
 def body_reach(body: Cloth | Springs | Soft) -> float:

@@ -1,27 +1,43 @@
 """What is wrong with how bodies and colliders start: points inside, and a thickness that lets chords through. NumPy only."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import inf
 
 import numpy as np
 
-from wsim.scene import Problem, Scene
+from wsim.scene import Collider, Motion, Problem, Scene, Surface
 from wsim.scene.check import chord, signed_distance
 from wsim.scene.check.objects import warning
+from wsim.scene.methods import dressed, every
+from wsim.scene.solids import row
 
 NEAR = 1e-5            # of a body's extent: points so near to a surface are on it
 SHORT = 1e-5           # [m] of a distance kept that does not count
+FINEST = 16            # places along an edge of a triangle at which a rigid body is looked for, at most
 
 
 def contacts(scene: Scene) -> Iterator[Problem]:
     """Problems of contacts in a scene whose objects are sound."""
+    moved = movers(scene)
     for body in scene.bodies():
-        yield from _buried(scene, body)
+        yield from _buried(scene, body, moved)
+        for mover in moved:
+            yield from _between(body, mover)
     for path, other, gap, needed in kept(scene):
         if gap + SHORT < needed:
             yield warning(path, f"with a thickness of {gap:g} m it stands out by up to {needed - gap:.2g} m between points of "
                           f"{other}, whose triangles are chords", f"{needed:.2g} m or more",
                           "leave wsim:thickness unauthored, which takes that, or refine the mesh")
+
+
+def movers(scene: Scene) -> list[Collider]:
+    """Colliders that move with rigid bodies and meet points, where they start in the world."""
+    if not scene.others:
+        return []
+    apart = dressed(scene)
+    return [replace(c, motion=Motion.still(thing.motion.at(0.0) @ c.motion.at(0.0))) for _, thing in every(scene)
+            if thing.path not in apart for c in getattr(thing, "colliders", ()) if c.meets]
 
 
 def kept(scene: Scene) -> list[tuple[str, str, float, float]]:
@@ -42,8 +58,22 @@ def taken(scene: Scene) -> list[dict]:
             if path in free and gap > 0.0]
 
 
-def _buried(scene: Scene, body) -> Iterator[Problem]:
-    """Free points of a body inside of colliders."""
+def _place(x: np.ndarray, near: float) -> str:
+    """A place in words; what is less than near [m] is 0."""
+    return f"({', '.join(f'{v if abs(v) > near else 0.0:.4g}' for v in x)}) m"
+
+
+def _ball(c: Collider) -> tuple[np.ndarray, float]:
+    """(center (3,), radius) [m] of a ball that holds a collider of a rigid body at the start."""
+    M, center, shape = c.motion.at(0.0), np.zeros(3), c.shape
+    if isinstance(shape, Surface):
+        center = shape.points.mean(axis=0)
+        return M[:3, :3] @ center + M[:3, 3], float(np.linalg.norm(shape.points - center, axis=1).max(initial=0.0))
+    return M[:3, 3], row(shape).ball(shape)
+
+
+def _buried(scene: Scene, body, moved: list[Collider]) -> Iterator[Problem]:
+    """Free points of a body inside of colliders, and of those that move with rigid bodies."""
     free = np.ones(len(body.points), bool)
     for pin in scene.pins:
         if pin.body == body.path and pin.stiffness == inf:
@@ -53,11 +83,38 @@ def _buried(scene: Scene, body) -> Iterator[Problem]:
         return
     points = body.motion.points(body.points)[which]
     near = NEAR * float(np.ptp(points, axis=0).max(initial=0.0))
-    for collider in scene.colliders:
-        depth = -signed_distance.distance(collider, points, near)
-        inside = int((depth > near).sum())
-        if inside:
-            k = int(np.argmax(depth))
-            yield warning(body.path, f"{inside} of its {len(which)} free points start inside of {collider.path}, the deepest, "
-                          f"point {which[k]}, by {depth[k]:.3g} m", "none", "move one of them apart, or pin those points: they "
-                          "are pushed out the nearest way at 0.5 m/s, which may be the far side")
+    of_bodies = {id(c): _ball(c) for c in moved}
+    for c in (*scene.colliders, *moved):
+        some = np.arange(len(points))
+        if id(c) in of_bodies:
+            center, radius = of_bodies[id(c)]
+            some = np.flatnonzero(np.linalg.norm(points - center, axis=1) < radius)
+        depth = -signed_distance.distance(c, points[some], near)
+        if inside := int((depth > near).sum()):
+            d = int(some[np.argmax(depth)])
+            yield warning(body.path, f"{inside} of its {len(which)} free points start inside of {c.path}, the deepest, "
+                          f"point {which[d]}, by {depth.max():.3g} m at {_place(points[d], near)}", "none", "move one of them "
+                          f"apart{'' if id(c) in of_bodies else ', or pin those points'}: they are pushed out the nearest way "
+                          "at 0.5 m/s, which may be the far side")
+
+
+def _between(body, mover: Collider) -> Iterator[Problem]:
+    """Triangles that a rigid body stands in which holds no point of theirs, by more than chords leave one that rests on points:
+    these alone meet rigid bodies."""
+    points, faces = chord.body_faces(body)
+    center, radius = _ball(mover)
+    x = points[faces]
+    reach = np.linalg.norm(x - x.mean(axis=1, keepdims=True), axis=2).max(axis=1, initial=0.0)
+    some = np.flatnonzero(np.linalg.norm(x.mean(axis=1) - center, axis=1) < radius + reach)
+    near = NEAR * float(np.ptp(points, axis=0).max(initial=0.0))
+    if not len(some) or not radius > 0.0 or (signed_distance.distance(mover, x[some].reshape(-1, 3), near) < -near).any():
+        return
+    k = int(np.clip(np.ceil(4.0 * reach[some].max() / radius), 3, FINEST))
+    u = np.array([(i, j, k - i - j) for i in range(k + 1) for j in range(k + 1 - i)]) / k
+    places = np.einsum("ki,tij->tkj", u, x[some]).reshape(-1, 3)
+    places = places[np.argsort(signed_distance.distance(mover, places, near))[:signed_distance.SOME]]
+    depth = -signed_distance.distance(mover, places, near)
+    if depth.max() > near + chord.hidden(chord.breadth(points, faces), chord.radius(mover)):
+        yield warning(body.path, f"the rigid body {mover.path} starts in its triangles, between their points, by "
+                      f"{depth.max():.3g} m at {_place(places[np.argmax(depth)], near)}: points alone meet rigid bodies, and "
+                      "it goes through there", "bodies that start beside it", "move one of them apart, or refine the mesh")

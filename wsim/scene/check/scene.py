@@ -58,7 +58,7 @@ def check(scene: Scene) -> list[Problem]:
         found += [*_support(scene), *_damping(scene)]
         for body in scene.bodies():
             found += _held(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
-        if scene.colliders:
+        if scene.colliders or (scene.others and scene.bodies() and carried(scene)):
             from wsim.scene.check import contact
             found += contact.contacts(scene)
     return sorted(found, key=lambda p: not p.fatal)
