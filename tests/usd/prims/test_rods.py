@@ -73,6 +73,18 @@ def strands(count: int, gap: float, diameter: float = 2e-3) -> Scene:
     return scene
 
 
+@pytest.mark.parametrize("counts, said", [([4, 1], "2 strands sum to 5, the least is 1, of strand 1; there are 5 points"),
+                                          ([6, -1], "2 strands sum to 5, the least is -1, of strand 1; there are 5 points"),
+                                          ([9], "1 strands sum to 9, the least is 9, of strand 0; there are 5 points"),
+                                          ([], "0 strands sum to 0; there are 5 points")])
+def test_counts_that_do_not_fit_are_named_by_their_strand(counts, said):
+    """The least was told as 0, whatever it was."""
+    scene = strands(1, 0.0)
+    scene.things("Rods")[0].counts = np.array(counts, int)
+    (problem,) = [p for p in check(scene) if p.fatal]
+    assert said in problem.text
+
+
 def test_an_edge_shorter_than_it_is_thick_is_told_with_a_diameter_that_is_not():
     def told(diameter: float) -> list[str]:
         return [p.text for p in check(strands(1, 0.0, diameter)) if "thick" in p.text]

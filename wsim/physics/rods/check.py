@@ -21,8 +21,10 @@ SEEN = 4096           # edges near a body, evenly chosen, at most
 def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     path, n = rods.path, len(rods.points)
     if rods.counts.min(initial=2) < 2 or rods.counts.sum() != n or not n:
-        yield error(path, f"counts sum to {rods.counts.sum()}, the least is {rods.counts.min(initial=0)}",
-                    f"2 or more points a strand, {n} in all", "author curveVertexCounts again")
+        k = int(np.argmin(rods.counts)) if len(rods.counts) else -1
+        least = f", the least is {rods.counts[k]}, of strand {k}" if k >= 0 else ""
+        yield error(path, f"counts of {len(rods.counts)} strands sum to {rods.counts.sum()}{least}; there are {n} points",
+                    "2 or more points a strand, as many as there are in all", "author points and curveVertexCounts again")
         return
     wrong = [*_arrays(rods)]
     yield from wrong
