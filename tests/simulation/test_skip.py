@@ -88,11 +88,12 @@ FUSED = (room("physics.fused", "fuser program recorder source") | room("kernels"
 OUTLINE = {"wsim.physics.contact.poses.outline"}               # of colliders, for frames without contacts
 WHOLE = room("physics.motion", "one_launch")
 SLIVERS = room("physics.fused", "stiff_few")                   # with whose mass leapfrog is weighed where it is dear
+MANY = room("scene.check", "slivers")                          # a look for triangles that make steps many
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
 MODULES = {
-    "hanging_cloth": SCENE | RUN | WEIGHED | LEAP | WHOLE | PINNED,
+    "hanging_cloth": SCENE | RUN | WEIGHED | LEAP | WHOLE | PINNED | MANY,
     "flag": SCENE | RUN | WEIGHED | LEAP | FUSED | AERO | PINNED,
-    "cape": SCENE | RUN | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS,
+    "cape": SCENE | RUN | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY,
     "tablecloth": SCENE | RUN | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE,
     "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | OUTLINE | SLIVERS | room("kernels", "math.face")
     | room("geometry", "tetra.lattice"),           # distances of its dummy's triangles; what starts inside

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from statistics import median
 
+DEAR = 10.0              # steps over those that a scene names, from which a run looks for triangles that need them
 SLOW = 10.0              # [s] a frame: beyond, a run says so before it starts
 
 
@@ -16,15 +17,19 @@ def duration(seconds: float) -> str:
 
 
 def long(plan, fps: float | None = None) -> list[str]:
-    """Warnings of many steps a frame, with the time that a frame is expected to take (`wsim.simulation.cost`); and where no
-    setting holds so many frames a second of wall clock."""
+    """Warnings of many steps a frame, with the time that a frame is expected to take (`wsim.simulation.cost`), and of triangles
+    that make them many; and where no setting holds so many frames a second of wall clock."""
     from wsim.scene.check.counts import MANY
     late = []
     if fps is not None and plan.seconds * fps > 1.0:
         late = [f"warning: /: {fps:g} frames a second are not held: a frame by the fastest setting takes about "
                 f"{_short(plan.seconds)}; a coarser mesh or a GPU (--device cuda:0) takes less"]
+    steps, scene = plan.choice.steps, plan.model.scene
+    if scene.cloths and steps > DEAR * scene.substeps:
+        from wsim.scene.check.slivers import slow
+        late += map(str, slow(scene, steps))
     return late + [f"warning: /: {count} {what}: a frame takes about {duration(plan.seconds)}" for what, count in (
-        ("substeps a frame", plan.choice.steps), ("iterations a substep", plan.choice.iterations)) if count > MANY]
+        ("substeps a frame", steps), ("iterations a substep", plan.choice.iterations)) if count > MANY]
 
 
 def missed(fps: float | None, times: Sequence[float]) -> list[str]:

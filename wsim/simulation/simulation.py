@@ -17,9 +17,8 @@ import warp as wp
 from wsim.model import kernel_cache
 from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.check import slivers
 from wsim.scene.check.scene import check
-from wsim.simulation import duration, interrupt, record, retry
+from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.exceeded import Note, note
@@ -87,7 +86,6 @@ class Simulation:
         except RuntimeError as error:
             raise retry.refused(error, self.device) from None
         self.model, self.state, start = self.plan.model, self.plan.state, self.plan.methods.every("start")
-        start = [*start, *slivers.slow(self.scene, self.plan.choice.steps)]
         self.warnings += [w for w in (*map(str, start), *duration.long(self.plan, self.fps)) if w not in self.warnings]
         self.milliseconds: list[float] = []
         retry.settle(self)
@@ -144,6 +142,7 @@ class Simulation:
     def record(self, path, **more):
         """Writes this frame, and every frame from here on, into a USD file over the scene, until the block of a `with` ends, or
         it is closed: a `wsim.simulation.record.Record`, which says what `more` there is (stress, reactions, flatten)."""
+        from wsim.simulation import record
         return record.Record(self, path, **more)
 
     def run(self, frames: int | None = None, each: Callable | None = None) -> None:
@@ -215,10 +214,12 @@ class Simulation:
         device=True, of bodies alone: (array of all points on the device in solver order, relative to the body's origin,
         index table); no copy is made and nothing is waited for.
         """
+        from wsim.simulation import record
         return record.positions(self, path, world, device)
 
     def velocities(self, path: str | None = None, world: int = 0, device: bool = False):
         """Velocities [m/s] of points, (n, 3), as `positions`."""
+        from wsim.simulation import record
         return record.velocities(self, path, world, device)
 
     def poses(self, path: str | None = None) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from tests.make.usda import Reader, errors
 from wsim.cli.inventory import inventory
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.start import apart
-from wsim.scene import Box, Motion, Scene, SceneError
+from wsim.scene import Box, Motion, Scene, SceneError, Sphere
 from wsim.scene.check.scene import check
 from wsim.simulation.simulation import Simulation
 
@@ -71,6 +71,18 @@ def strands(count: int, gap: float, diameter: float = 2e-3) -> Scene:
     scene = Scene(frames=1)
     scene.add(Rods("/strands", x, [5] * count, diameter, self_collision=True))
     return scene
+
+
+@pytest.mark.parametrize("counts, said", [([4, 1], "2 strands sum to 5, the least is 1, of strand 1; there are 5 points"),
+                                          ([6, -1], "2 strands sum to 5, the least is -1, of strand 1; there are 5 points"),
+                                          ([9], "1 strands sum to 9, the least is 9, of strand 0; there are 5 points"),
+                                          ([], "0 strands sum to 0; there are 5 points")])
+def test_counts_that_do_not_fit_are_named_by_their_strand(counts, said):
+    """The least was told as 0, whatever it was."""
+    scene = strands(1, 0.0)
+    scene.things("Rods")[0].counts = np.array(counts, int)
+    (problem,) = [p for p in check(scene) if p.fatal]
+    assert said in problem.text
 
 
 def test_an_edge_shorter_than_it_is_thick_is_told_with_a_diameter_that_is_not():
@@ -137,6 +149,19 @@ def test_thirty_strands_in_one_another_are_stepped_within_seconds(monkeypatch):
         assert not [w for w in sim.warnings if "left corrections" in w]
         found.append(sim.positions("/strands"))
     assert np.array_equal(*found) and np.diff(found[0].reshape(30, 20, 3)[..., 2], axis=0).min() > 2e-3        # in order, apart
+
+
+@pytest.mark.parametrize("along, what", [(0.0, "1 points begin inside of /ball, the deepest, 2, by 0.005 m"),
+                                         (0.005, "1 edges, between their points, begin inside of /ball, the deepest, 2, by")])
+def test_strands_that_begin_in_a_collider_are_told_with_their_point_or_edge(along, what):
+    """Points 1 cm apart, and a ball of 5 mm: a cloth was told of it, strands were thrown out without a word."""
+    scene, place = strands(1, 0.0), np.eye(4)
+    place[0, 3] = 0.02 + along
+    scene.collider("/ball", Sphere(0.005 - 1e-4 * (along > 0.0)), motion=Motion.still(place))
+    (text,) = [p.text for p in check(scene) if "inside" in p.text]
+    assert text.startswith(what) and "mend: move one of both" in text
+    scene.things("Rods")[0].pin("/pin", [2, 3])
+    assert [p for p in check(scene) if "points begin inside" in p.text] == []
 
 
 def test_a_rope_that_colliders_leave_no_room_is_told_how_deep_it_was():

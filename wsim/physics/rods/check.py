@@ -15,14 +15,17 @@ ACROSS = 1e-5         # sine of the angle to its edge below which rounding of fl
 AUTHORED = {"directors": "directors (of curves: normals)", "rest_directors": "rest_directors (of curves: physics:restNormals)",
             "rest_points": "rest_points (of curves: physics:restShapePoints)"}
 PLACES = 63           # of an edge where it may begin in a body
+SUNK = 1e-5           # of the extent of strands: points that are no deeper in a collider are on it
 SEEN = 4096           # edges near a body, evenly chosen, at most
 
 
 def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     path, n = rods.path, len(rods.points)
     if rods.counts.min(initial=2) < 2 or rods.counts.sum() != n or not n:
-        yield error(path, f"counts sum to {rods.counts.sum()}, the least is {rods.counts.min(initial=0)}",
-                    f"2 or more points a strand, {n} in all", "author curveVertexCounts again")
+        k = int(np.argmin(rods.counts)) if len(rods.counts) else -1
+        least = f", the least is {rods.counts[k]}, of strand {k}" if k >= 0 else ""
+        yield error(path, f"counts of {len(rods.counts)} strands sum to {rods.counts.sum()}{least}; there are {n} points",
+                    "2 or more points a strand, as many as there are in all", "author points and curveVertexCounts again")
         return
     wrong = [*_arrays(rods)]
     yield from wrong
@@ -40,6 +43,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     yield from _edges(rods)
     yield from _directors(rods)
     yield from _pins(rods)
+    yield from _colliders(rods, scene)
     for c in scene.colliders:
         if isinstance(c.shape, Surface) and getattr(getattr(c.shape.poses, "skeleton", None), "bodies", None):
             yield warning(path, f"rigid bodies drive the joints of the mesh {c.path}, and strands meet its shape at the start",
@@ -74,6 +78,28 @@ def _bodies(rods: Rods, scene: Scene) -> Iterator[Problem]:
                     yield warning(rods.path, f"{np.count_nonzero(depth > 0.0)} {what} begin inside of {c.path}, the deepest, "
                                   f"{k}, by {depth[k]:.3g} m: the first substep throws them out, and {body.path} the other way",
                                   "strands beside it", "move one of both")
+
+
+def _colliders(rods: Rods, scene: Scene) -> Iterator[Problem]:
+    """Colliders in which strands begin, at free points or between two that are outside."""
+    from wsim.scene.check.signed_distance import distance
+    if not scene.colliders:
+        return
+    x, free = rods.motion.points(rods.points, 0.0), np.ones(len(rods.points), bool)
+    for pin in rods.pins:
+        free[[k for k in pin.points if 0 <= k < len(free)]] = False
+    step = max(1, -(-len(x) // SEEN))
+    seen, near = np.flatnonzero(free)[::step], SUNK * float(np.ptp(x, axis=0).max())
+    for c in scene.colliders:
+        deep = np.zeros(len(x))
+        deep[seen] = -distance(c, x[seen], near)
+        between = _within(rods, c, x, -distance(c, x, near)) if step == 1 else np.zeros(len(x))
+        for what, depth in (("points", deep), ("edges, between their points,", between)):
+            if (inside := depth > near).any():
+                k = int(np.argmax(depth))
+                yield warning(rods.path, f"{np.count_nonzero(inside)} {what} begin inside of {c.path}, the deepest, {k}, by "
+                              f"{depth[k]:.3g} m: they are thrown out by the nearest way", "strands beside it",
+                              "move one of both, or pin those points")
 
 
 def _within(rods: Rods, c: Collider, x: np.ndarray, depth: np.ndarray) -> np.ndarray:

@@ -225,8 +225,8 @@ class Strands(Method):
                 found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of "
                               "{worst} of an edge's length in a substep; give more substeps"))
                 inside = float(deep[own].max())
-                if inside > rods.diameters.max():
-                    found.append((("rods", "deep", rods.path, world), inside, f"{rods.path}: points were {{worst}} m deep in "
+                if inside > np.max(rods.diameters):
+                    found.append((("rods deep", rods.path, world), inside, f"{rods.path}: points were {{worst}} m deep in "
                                   "colliders: these left no room there, or came in one substep; give more room, or smaller "
                                   "widths"))
         return found + self.touching.notes() if self.touching else found
