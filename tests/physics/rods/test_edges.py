@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.physics.rods.rig import RADIUS, scene, simulated
 from wsim.geometry import primitives
+from wsim.kernels.rods.contact import Colliders
+from wsim.kernels.rods.edges.flanks import TURN, flanking
 from wsim.kernels.rods.march import TOLERANCE
 from wsim.scene import Box, Motion, Plane, Sphere, Surface
 from wsim.scene.solids import Capsule
@@ -103,3 +106,46 @@ def test_a_world_of_ropes_that_touch_steps_by_backward_euler_where_an_edge_meets
     assert method.points(0)[0][:, 1].max() > 0.01                                        # it is held
     assert part["load"].numpy().max() == 0.0 and part["load1"].numpy().max() + part["load2"].numpy().max() > 0.0
     assert not part["begun"].numpy().any()
+
+
+def outside(x, half):
+    """Distance of x (..., 3) to a box, 0 inside."""
+    return np.linalg.norm(np.maximum(np.abs(x) - half, 0.0), axis=-1)
+
+
+@pytest.mark.parametrize("shape, distance", [
+    (Sphere(0.03), lambda x: np.linalg.norm(x, axis=-1) - 0.03),
+    (Box((0.03, 0.02, 0.04)), lambda x: outside(x, (0.03, 0.02, 0.04))),
+    (Capsule(0.01, 0.1), lambda x: outside(x, (0.0, 0.0, 0.1)) - 0.01), (MESH, None)], ids=["ball", "box", "bar", "mesh"])
+def test_an_edge_that_its_ends_leave_out_has_no_place_nearer_than_they_are(shape, distance):
+    """Random edges near a shape, short and long: `turns` against the search that it spares, and against distances along them,
+    below which no more than TURN is hidden."""
+    _, method = simulated(laid(2, 1.0, (shape, placed(0.0))))
+    method.obstacles.pose(np.zeros(method.substeps + 1))
+    of = flanking(method.obstacles.kinds)
+    flanks, turns = of.flanks, of.turns
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def look(C: Colliders, a: wp.array(dtype=wp.vec3d), b: wp.array(dtype=wp.vec3d), reach: wp.float64,
+             turn: wp.array(dtype=int), near: wp.array(dtype=wp.vec3d)):
+        i = wp.tid()
+        turn[i] = int(turns(C, 0, 0, a[i], b[i], reach))
+        both = flanks(C, 0, 0, a[i], b[i], reach)
+        far = wp.float64(1e9)
+        near[i] = wp.vec3d(wp.where(both.a.u > wp.float64(0.0), both.a.phi, far),
+                           wp.where(both.b.u > wp.float64(0.0), both.b.phi, far), both.ends)
+
+    rng, n, reach = np.random.default_rng(5), 20000, 0.01
+    a = rng.uniform(-0.06, 0.06, (n, 3))
+    b = a + rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(-3.0, -1.0, (n, 1))
+    turn, near = wp.zeros(n, dtype=int), wp.zeros(n, dtype=wp.vec3d)
+    wp.launch(look, n, [method.obstacles.table, *(wp.array(v, dtype=wp.vec3d) for v in (a, b)), reach], [turn, near])
+    out, (first, second, ends) = turn.numpy() == 0, near.numpy().T
+    place = np.minimum(first, second)
+    assert 0.3 < out.mean() < 0.99 and (place[~out] < ends[~out]).sum() > 100
+    assert not (place[out] < np.minimum(reach, ends[out]) - 1e-7).any()
+    if distance:
+        phi = distance(a + (b - a) * np.linspace(0.0, 1.0, 101)[:, None, None])
+        least, length = phi.min(axis=0), np.linalg.norm(b - a, axis=1)
+        hidden = out & (least > 0.0) & (least < reach)
+        assert hidden.any() and (np.minimum(phi[0], phi[-1]) - least <= 0.5 * float(TURN) * length + 1e-9)[hidden].all()
