@@ -1,9 +1,11 @@
 """Substeps of strands that press each other: Newton's method for all strands of a world at once. Corrections come of the blocks
 of strands alone (kernels/rods/system.py) where nothing presses, else of conjugate gradients (kernels/rods/conjugate.py).
 
-A step along which the force turns round, f . z < -OVERSHOT f0 . z, is taken back to where the force along it would be 0 if it
-were linear: friction has no stiffness along its slip, and turns round. For ROUGH iterations behind that it is taken to be as
-stiff along as across, which descends for certain, and slowly.
+A step along which the force turns round, f . z < -OVERSHOT f0 . z, is taken back to where the force along it is 0, to OVERSHOT
+(regula falsi; Dowell, Jarratt 1971). What is met on the way pushes a thousand times as much as what was left: where that force
+would be 0 if it were linear, nothing is met yet, and the next step would go the same way. Friction has no stiffness
+along its slip, and turns round too. For ROUGH iterations behind that, or half as many as there were, it is taken to be as stiff
+along as across, which descends for certain, and slowly.
 
 Every world has its own scalars and ends by itself; sums over strands are taken in their order. A world where something is
 touched steps by backward Euler as a whole: points that stepped otherwise than those they pull at would make momentum.
@@ -25,7 +27,8 @@ from wsim.kernels.rods.tables import Borne, Holds, Motion, Step, Strands, Trial
 MOST = wp.constant(150)                  # iterations of Newton: friction that turns round settles by a fifth in each
 OVERSHOT = wp.constant(wp.float64(0.5))
 ROUGH = wp.constant(8)                   # iterations behind a step back
-BACK = wp.constant(6)                    # steps back in a row, at most
+BACK = wp.constant(8)                    # steps back, or on again, in a row, at most
+EDGE = wp.constant(wp.float64(0.05))     # part of what is left of a step that each of them leaves on either side
 # words: Newton goes on; conjugate gradients do; a pair presses; this is the first frame
 GOING, TURNING, ACTIVE, FIRST = range(4)
 WORDS = 4
@@ -48,9 +51,14 @@ class Coupled:
     count: wp.array(dtype=int)                      # iterations of Newton
     rounds: wp.array(dtype=int)                     # and of the gradients in this one
     scale: wp.array(dtype=wp.float64)               # part of the correction, or of the step before, that is taken
-    back: wp.array(dtype=int)                       # steps in a row that were taken back in part
+    back: wp.array(dtype=int)                       # times in a row that another part of the last step was taken
     rough: wp.array(dtype=int)                      # iterations to come in which friction is as stiff along its slip as across
     slope: wp.array(dtype=wp.float64)               # force along the last step where it began
+    part: wp.array(dtype=wp.float64)                # of that step, that is taken
+    low: wp.array(dtype=wp.vec2d)                   # the greatest part where the force along it was above 0, and that force
+    high: wp.array(dtype=wp.vec2d)                  # the least where it was below, 0 if none, and that force
+    above: wp.array(dtype=int)                      # 1: the last part that was tried is low
+    body: wp.array(dtype=wp.float64)                # greatest correction of a rigid body, over an edge, or its own radius
     rho: wp.array(dtype=wp.float64)                 # r . z
     rho0: wp.array(dtype=wp.float64)
     alpha: wp.array(dtype=wp.float64)
@@ -63,6 +71,55 @@ class Coupled:
     p: wp.array2d(dtype=wp.vec4d)
     w: wp.array2d(dtype=wp.vec4d)                   # M p
     q: wp.array2d(dtype=wp.vec4d)                   # A p
+
+
+@wp.func
+def searched(G: Coupled, ahead: wp.float64, k: int):
+    """Whether another part of the last step of world k is taken, by `scale` of what was. ahead: force along that."""
+    part = G.part[k]
+    f = ahead / part
+    half = wp.float64(0.5)
+    zero = wp.float64(0.0)
+    low = G.low[k]
+    high = G.high[k]
+    if G.back[k] >= BACK:
+        return False
+    if f < -OVERSHOT * G.slope[k]:
+        if high[0] > zero and G.above[k] == 0:
+            low[1] = half * low[1]
+        high = wp.vec2d(part, f)
+        G.above[k] = 0
+    elif high[0] > zero and f > OVERSHOT * G.slope[k]:
+        if G.above[k] == 1:
+            high[1] = half * high[1]
+        low = wp.vec2d(part, f)
+        G.above[k] = 1
+    else:
+        return False
+    edge = EDGE * (high[0] - low[0])
+    there = wp.clamp((low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1]), low[0] + edge, high[0] - edge)
+    G.low[k] = low
+    G.high[k] = high
+    G.part[k] = there
+    G.scale[k] = there / part - wp.float64(1.0)
+    G.back[k] = G.back[k] + 1
+    G.rough[k] = wp.max(ROUGH, G.count[k] / 2)
+    return True
+
+
+@wp.func
+def stepped(G: Coupled, z: wp.float64, gain: wp.float64, k: int):
+    """A new step of world k, as long as an edge at most. z: greatest correction; gain: force along it."""
+    one = wp.float64(1.0)
+    G.scale[k] = wp.min(one, one / wp.max(z, wp.float64(1e-12)))
+    G.slope[k] = gain * G.scale[k]
+    G.part[k] = one
+    G.low[k] = wp.vec2d(wp.float64(0.0), G.slope[k])
+    G.high[k] = wp.vec2d()
+    G.back[k] = 0
+    G.rough[k] = wp.max(G.rough[k] - 1, 0)
+    if z <= TOLERANCE:
+        G.on[k] = -1                                    # it is taken yet
 
 
 @cache
@@ -140,7 +197,6 @@ def newton(kinds: tuple[str, ...], airy: bool, module: str):
     def judge_worlds(G: Coupled, B: Borne, words: wp.array(dtype=int)):
         words[ACTIVE] = 0
         going = int(0)
-        one = wp.float64(1.0)
         for k in range(G.on.shape[0]):
             G.on[k] = wp.max(G.on[k], 0)
             if G.on[k] == 1:
@@ -155,24 +211,16 @@ def newton(kinds: tuple[str, ...], airy: bool, module: str):
                     least = G.least[G.first[k]]
                     for j in range(G.first[k], G.first[k + 1]):
                         least = wp.min(least, G.least[j])
+                    G.body[k] = wp.float64(0.0)
                     for j in range(B.first[k], B.first[k + 1]):
-                        z = wp.max(z, B.left[j] / wp.min(least, B.size[j]))
+                        G.body[k] = wp.max(G.body[k], B.left[j] / wp.min(least, B.size[j]))
                         ahead += B.ahead[j]
                         gain += B.gain[j]
+                    z = wp.max(z, G.body[k])
                 begun = G.count[k] > 0
                 G.count[k] = G.count[k] + 1
-                if begun and ahead < -OVERSHOT * G.slope[k] and G.back[k] < BACK:
-                    G.scale[k] = ahead / (G.slope[k] - ahead)
-                    G.slope[k] = (one + G.scale[k]) * G.slope[k]
-                    G.back[k] = G.back[k] + 1
-                    G.rough[k] = ROUGH
-                else:
-                    G.scale[k] = wp.min(one, one / wp.max(z, wp.float64(1e-12)))
-                    G.slope[k] = gain * G.scale[k]
-                    G.back[k] = 0
-                    G.rough[k] = wp.max(G.rough[k] - 1, 0)
-                    if z <= TOLERANCE:
-                        G.on[k] = -1                    # the last step is taken yet
+                if z <= TOLERANCE or not begun or not searched(G, ahead, k):
+                    stepped(G, z, gain, k)
                 if G.count[k] >= MOST:
                     G.on[k] = -1
                 going = going + wp.max(G.on[k], 0)
@@ -186,10 +234,12 @@ def newton(kinds: tuple[str, ...], airy: bool, module: str):
             a = G.scale[world]
             for i in range(S.points[k]):
                 if G.back[world] > 0:
-                    T.z[i, k] = G.last[i, k]
-                    G.last[i, k] = G.last[i, k] * (wp.float64(1.0) + a)
+                    T.z[i, k] = G.last[i, k] * a
+                    G.last[i, k] = G.last[i, k] + T.z[i, k]
                 else:
                     G.last[i, k] = T.z[i, k] * a
+            if G.back[world] > 0:
+                a = wp.float64(1.0)
             take(S, T, a, k)
 
     return begin_strands, begin_worlds, assemble_strands, measure_strands, judge_worlds, take_strands

@@ -58,7 +58,7 @@ def ends(kinds: tuple[str, ...], module: str):
                         touched = wp.float64(1.0)
         G.sum[k] = touched
         said[k, 0] = wp.max(said[k, 0], wp.float64(G.count[G.world[k]]))
-        said[k, 1] = wp.max(said[k, 1], G.left[k])
+        said[k, 1] = wp.max(said[k, 1], wp.max(G.left[k], G.body[G.world[k]]))
         said[k, 2] = wp.max(said[k, 2], deep)
 
     @wp.kernel(module=module, enable_backward=False)

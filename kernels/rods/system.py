@@ -250,9 +250,8 @@ def pulled(S: Strands, e: wp.vec3d, z: wp.vec4d, i: int, k: int):
 
 @wp.func
 def take(S: Strands, T: Trial, part: wp.float64, k: int):
-    """Moves by a part of the corrections; directors go along with their edges. A part below 0 takes back some of the last."""
+    """Moves by a part of the corrections; directors go along with their edges."""
     n = S.points[k]
-    whole = wp.where(part < wp.float64(0.0), part, wp.float64(1.0))
     if T.hit:
         for i in range(n):
             expect_all(T, T.z[i, k], T.z[wp.min(i + 1, n - 1), k], i, k)
@@ -265,7 +264,7 @@ def take(S: Strands, T: Trial, part: wp.float64, k: int):
         z1 = T.z[i + 1, k]
         y1 = x1 + wp.vec3d(z1[0], z1[1], z1[2]) * part
         T.x[i + 1, k] = y1
-        T.pull[i, k] = pulled(S, x1 - x0, (z1 - z) * whole, i, k)
+        T.pull[i, k] = pulled(S, x1 - x0, z1 - z, i, k)
         if S.clamped[i, k] == 0:
             t = wp.normalize(y1 - y0)
             angle = z[3] * part

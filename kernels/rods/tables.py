@@ -121,9 +121,12 @@ class Borne:
     f: wp.array2d(dtype=wp.vec3d)                   # force on the strand there [N]
     K: wp.array2d(dtype=wp.mat33d)                  # its stiffness [N/m]
     N: wp.array2d(dtype=wp.float64)                 # normal force of the deepest contact of a site [N]
+    load: wp.array2d(dtype=wp.float64)              # normal force that its friction goes by [N]
     s: wp.array2d(dtype=wp.vec3d)                   # bristle there where the substep ends [m]
     deep: wp.array2d(dtype=wp.float64)              # how deep that is [m]
     near: wp.array(dtype=int)                       # of worlds: 1, a body may be met in this substep
+    rough: wp.array(dtype=int)                      # of worlds: those of `Coupled`
+    count: wp.array(dtype=int)
     first: wp.array(dtype=int)                      # first body of each world, and their number, (worlds + 1,)
     y: wp.array2d(dtype=wp.vec3d)                   # motion [m] and turn [rad] of bodies, (bodies, 2)
     size: wp.array(dtype=wp.float64)                # radius of a body [m]: of one below an edge corrections are measured by it

@@ -7,6 +7,9 @@ kernels/rods/edges/flanks.py. What bodies then do: kernels/rigid/touch/strands.p
 A force f at x_u = (1 - u) x_i + u x_i+1 is (1 - u) f and u f on the points of the edge, and -f on the body at the arm of x_u;
 its stiffness b b^T K, b = (1 - u, u). A point has u = 0, and a row that it shares with the edge behind it: three sites, the
 point and two places within the edge. The friction of each is with the body that it is deepest in.
+
+The load that friction goes by, at most twice the present normal force, is a force that Newton's system knows nothing of (it has
+no potential): iterations may go round for good. Behind LATE of them it stays as it is for AGAIN, which then settle.
 """
 
 from functools import cache
@@ -15,11 +18,14 @@ import warp as wp
 
 from wsim.kernels.rigid.touch.strand_contacts import SITES, Spot, meeting, spot
 from wsim.kernels.rigid.touch.strands import Carried
-from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, rub
+from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, bound, rub
 from wsim.kernels.rods.contact import press as pressing
 from wsim.kernels.rods.edges.flanks import Flank
 from wsim.kernels.rods.edges.inside import beneath
 from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
+
+LATE = wp.constant(30)                   # iterations behind which the load of friction is a new one in each of AGAIN alone
+AGAIN = wp.constant(20)
 
 
 @wp.struct
@@ -66,7 +72,6 @@ def press(W: Carried, B: Borne, to: Deepest, s: Spot, n: wp.vec3d, deep: wp.floa
 @wp.func
 def rubbed(C: Colliders, S: Strands, W: Carried, B: Borne, to: Deepest, s: Spot):
     """Friction of a place with the shape that it is deepest in."""
-    two = wp.float64(2.0)
     p = s.i * W.strand.shape[0] + s.k
     c = to.shape
     j = W.body[c]
@@ -80,15 +85,16 @@ def rubbed(C: Colliders, S: Strands, W: Carried, B: Borne, to: Deepest, s: Spot)
     elif s.site == 2:
         stick = W.stick2[s.i, s.k]
         load = W.load2[s.i, s.k]
-    N = B.N[p, s.site]
-    load = wp.min(load, two * N)
-    if load == wp.float64(0.0):
-        blow = wp.abs(wp.dot(to.n, s.v - (W.c1[j] - W.c0[j]) / W.h)) / W.h + wp.length(S.gravity[s.k])
-        load = wp.min(N, two * s.m * blow)
+    load = bound(load, s.m, s.v - (W.c1[j] - W.c0[j]) / W.h, S.gravity[s.k], to.n, B.N[p, s.site], W.h * W.h)
+    if B.load[p, s.site] > wp.float64(0.0):
+        load = B.load[p, s.site]
+    B.load[p, s.site] = load
     t = Touch()
     t.f = B.f[p, to.number]
     t.K = B.K[p, to.number]
-    t = rub(t, to.n, stick + slid, load, stiffness(W, j, s), C.friction[c, s.k], wp.vec3d())
+    slip = stick + slid
+    lean = wp.normalize(slip - to.n * wp.dot(to.n, slip)) * wp.float64(1 - wp.min(B.rough[W.strand[s.k]], 1))
+    t = rub(t, to.n, slip, load, stiffness(W, j, s), C.friction[c, s.k], lean)
     B.f[p, to.number] = t.f
     B.K[p, to.number] = t.K
     B.s[p, s.site] = t.s
@@ -143,11 +149,14 @@ def meet(kinds: tuple[str, ...], module: str):
         p = wp.tid()
         i = p / S.points.shape[0]
         k = p - i * S.points.shape[0]
+        count = B.count[W.strand[k]]
         B.many[p] = 0
         for site in range(SITES):
             B.N[p, site] = wp.float64(0.0)
             B.s[p, site] = wp.vec3d()
             B.deep[p, site] = wp.float64(0.0)
+            if count <= LATE or count % AGAIN == 0:
+                B.load[p, site] = wp.float64(0.0)
         if i < S.points[k] and B.near[W.strand[k]] == 1:
             meet_point(C, S, Q, T, W, B, i, k)
             if i + 1 < S.points[k]:

@@ -97,8 +97,9 @@ class Bodies:
         points, sites = self.ground.points, int(strand_contacts.SITES)
         self.borne = filled(
             Borne, first=up(first, int), size=up(size, wp.float64), near=zeros(int, s.model.worlds),
+            rough=self.together.group.rough, count=self.together.group.count,
             y=zeros(wp.vec3d, n, 2), many=zeros(int, points), push=zeros(wp.vec3d, points), s=zeros(wp.vec3d, points, sites),
-            **{name: zeros(wp.float64, points, sites) for name in ("N", "deep")},
+            **{name: zeros(wp.float64, points, sites) for name in ("N", "deep", "load")},
             **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")})
         self.word = zeros(int, 1)
         for name, kind in (("lift", wp.vec3d), ("firm", wp.mat33d), ("bridge", wp.mat33d)):

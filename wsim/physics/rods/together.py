@@ -75,8 +75,9 @@ class Together:
         self.group = filled(
             coupled.Coupled, first=self.ground.upload(first, int), world=self.ground.upload(of.astype(np.int32), int),
             **{k: zeros(t.strands, dtype=wp.float64) for k in ("least", "sum", "left", "ahead", "gain")},
-            **{k: zeros(worlds, dtype=int) for k in ("on", "turn", "count", "rounds", "touched", "back", "rough")},
-            **{k: zeros(worlds, dtype=wp.float64) for k in ("scale", "slope", "rho", "rho0", "alpha", "beta")},
+            **{k: zeros(worlds, dtype=int) for k in ("on", "turn", "count", "rounds", "touched", "back", "rough", "above")},
+            **{k: zeros(worlds, dtype=wp.float64) for k in ("scale", "slope", "part", "body", "rho", "rho0", "alpha", "beta")},
+            **{k: zeros(worlds, dtype=wp.vec2d) for k in ("low", "high")},
             **{k: zeros(two, dtype=wp.vec4d) for k in ("x", "r", "p", "w", "q", "force", "last")})
         types = {"pivot": wp.mat44d, "b": wp.vec4d, "press": wp.vec3d, "stiff": wp.mat33d, "along": wp.mat33d}
         for name, kind in types.items():
