@@ -109,6 +109,9 @@ class Part:
         self.capacity, self.arrays, self.every, self.aside, self.saved = (
             capacity, other.arrays, other.every, other.aside, other.saved)
 
+    def refresh(self) -> None:
+        """Fills what is only there while it is asked for."""
+
     @property
     def kept(self) -> list[Field]:
         """Fields that outlive a frame."""
@@ -178,6 +181,7 @@ class State:
         """(name, array, rows in the author's order) of every field of a prim that outlives a frame."""
         for part in self.parts.values():
             if (path, world) in part.rows:
+                part.refresh()
                 yield from ((f.name, part.arrays[f.name], part.rows[path, world]) for f in part.kept)
 
     def paths(self) -> list[str]:

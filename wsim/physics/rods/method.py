@@ -89,6 +89,8 @@ class Strands(Method):
         self.touching: Any = None
         if together:
             self.touching = self._touching(own, b.status, touching)
+        if touching:
+            b.state.add(self.touching.memory)
         if bearing:
             from wsim.physics.rods.bodies import Bodies
             self.touching.join(Bodies(self.touching, b.methods.find("bodies")))
@@ -208,6 +210,14 @@ class Strands(Method):
     def enter(self, clock: Clock) -> None:
         if self.touching:
             self.touching.often, self.touching.fresh = False, True
+
+    def restored(self, fields) -> None:
+        if self.touching and self.touching.memory:
+            self.touching.memory.make_room(len(fields.get(self.table.pairs[0][0].path, {}).get("pair0", (0,))))
+
+    def resumed(self, time: float) -> None:
+        if self.touching and self.touching.memory:
+            self.touching.memory.put_back()
 
     def retry(self, status: Status) -> list[Remedy]:
         return self.touching.retry() if self.touching else []

@@ -47,6 +47,7 @@ class Together:
     has told them how they go on."""
 
     carries = False
+    memory: Any = None           # of pairs of edges, where there are some
 
     def __init__(self, strands: Strands, module: str, status: Status, device):
         self.strands, self.table, self.status = strands, strands.table, status

@@ -14,6 +14,7 @@ from wsim.kernels.rods import coupled
 from wsim.kernels.rods.edges import touch
 from wsim.kernels.selfcontact import cut, pairs, rows
 from wsim.model.stage import Clock, Remedy
+from wsim.model.state import Field, Part
 from wsim.model.structs import filled
 from wsim.physics.rods.edges import Edges
 from wsim.physics.rods.together import Together
@@ -31,6 +32,66 @@ ROOM = 48                        # of pairs of a point, at first
 MEMORY = ("kept", "stick", "load", "many", "of")         # what pairs remember from a substep to the next
 
 
+class Remembered(Part):
+    """What pairs of edges of the first world remember from a frame to the next, made of their lists when a run is written, and
+    put back where one goes on. A point is named by its number in its strand times the strands of that world, and its strand;
+    the first row is no pair. A frame that is repeated has copies of its own (`Touching.before_frame`)."""
+
+    FIELDS = (*(Field(f"pair{k}", "", True, f"point {k} of two edges that are near each other, -1 for none", "int")
+                for k in range(4)), Field("pair_kept", "m", True, "distance that they keep", "double"),
+              Field("pair_load", "N", True, "what presses them", "double"),
+              Field("pair_stick", "m", True, "bristle of their friction", "vec3d"))
+
+    def __init__(self, touching: Touching):
+        super().__init__("rod pairs", 0, 0, self.FIELDS)
+        self.touching, self.held = touching, False        # held: what an earlier run has left, until a frame begins
+        t = touching.table
+        self.all, self.own = t.strands, sum(world == 0 for world in touching.worlds_of)
+        self.place = t.pairs[0][0].path, 0
+        self.fill(np.full((1, 4), -1), np.zeros(1), np.zeros(1), np.zeros((1, 3)))
+
+    def fill(self, ids: np.ndarray, kept: np.ndarray, load: np.ndarray, stick: np.ndarray) -> None:
+        device = self.touching.ground.device
+        each: list = [(f"pair{k}", ids[:, k], int) for k in range(4)]
+        each += [("pair_kept", kept, wp.float64), ("pair_load", load, wp.float64), ("pair_stick", stick, wp.vec3d)]
+        self.arrays = {name: wp.array(np.ascontiguousarray(values), dtype=kind, device=device) for name, values, kind in each}
+        self.count = self.capacity = len(ids)
+        self.rows = {self.place: np.arange(len(ids))}
+
+    def refresh(self) -> None:
+        if self.held:
+            return
+        near, P = self.touching.near.pairs, self.touching.pressed
+        ids = near.ids.numpy()[:min(int(near.count.numpy()[0]), near.capacity)]
+        i, k = np.divmod(ids.astype(np.int64), self.all)
+        some = np.flatnonzero(k[:, 0] < self.own) if len(ids) else np.zeros(0, int)
+        ids = i[some] * self.own + k[some]
+        some, ids = some[order := np.lexsort(ids.T[::-1])], ids[order]
+        kept, load, stick = (a.numpy()[some] for a in (P.kept, P.load, P.stick))
+        none = [np.full((1, 4), -1), np.zeros(1), np.zeros(1), np.zeros((1, 3))]
+        self.fill(*(np.concatenate(two) for two in zip(none, (ids, kept, load, stick), strict=True)))
+
+    def make_room(self, rows: int) -> None:
+        """For so many rows of an earlier run."""
+        self.fill(np.full((rows, 4), -1), np.zeros(rows), np.zeros(rows), np.zeros((rows, 3)))
+        self.held = True
+
+    def put_back(self) -> None:
+        """Into the lists of pairs, what the first search of the run to come carries over."""
+        T, values = self.touching, {name: a.numpy()[1:] for name, a in self.arrays.items()}
+        i, k = np.divmod(np.stack([values[f"pair{c}"] for c in range(4)], axis=1), self.own)
+        ids = (i * self.all + k).astype(np.int32)
+        if len(ids):
+            T.fits(len(ids), int(np.bincount(ids.ravel()).max()))
+            near, P = T.near.pairs, T.pressed
+            near.ids[:len(ids)].assign(ids)
+            near.count.fill_(len(ids))
+            T.index()
+            for name in ("kept", "load", "stick"):
+                getattr(P, name)[:len(ids)].assign(values[f"pair_{name}"])
+        self.held, T.went_on = False, True
+
+
 class Touching(Together):
     def __init__(self, strands: Strands, module: str, status: Status, device):
         super().__init__(strands, module, status, device)
@@ -46,7 +107,17 @@ class Touching(Together):
                                             for k, v in vars(self.edges.sides()).items()})
         self.none = self.zeros(self.ground.points, dtype=wp.vec3d)
         self.deep, self.total, self.frames, self.repeats = ROOM, np.zeros(cut.SAID + 1, np.int64), 0, 0
+        self.went_on = False                 # True: an earlier run has left what pairs remember
         self.room()
+        self.memory = Remembered(self)
+
+    def fits(self, pairs: int, each: int) -> None:
+        """Room for so many pairs, of a point and of all."""
+        if pairs > self.near.pairs.capacity:
+            self.near.grow(pairs)
+        if pairs > len(self.pressed.kept) or each > self.deep:
+            self.deep = max(self.deep, each)
+            self.room()
 
     def room(self) -> None:
         """Arrays of pairs, as many as the list has room for."""
@@ -106,14 +177,18 @@ class Touching(Together):
         near, P, old, launch = self.near, self.pressed, self.old, self.ground.launch
         self._copy(P, near.pairs.ids, old, self.old_ids)
         near.search(self.at, begins=begins)
-        P.many.zero_()
         for name in ("press", "stiff", "along"):
             getattr(self.strands.trial, name).zero_()
+        self.index()
+        launch(self.recall, near.pairs.capacity, [near.pairs, old, self.old_ids], [P])
+
+    def index(self) -> None:
+        """The pairs of every point, of a list in which none remembers anything yet."""
+        near, P, launch, point = self.near, self.pressed, self.ground.launch, self.edges.data.point
+        P.many.zero_()
         launch(self.enlist, near.pairs.capacity, [near.pairs], [P])
-        point = self.edges.data.point
         launch(self.order, len(point), [point, near.pairs, FULL], [P, self.said, near.words])
         launch(self.drop, len(point), [point], [near.pairs, P, near.words])
-        launch(self.recall, near.pairs.capacity, [near.pairs, old, self.old_ids], [P])
 
     def again(self) -> None:
         """A list along the path that was solved for, and where its pairs are."""
@@ -153,14 +228,14 @@ class Touching(Together):
         wp.copy(into_ids, ids)
 
     def before_frame(self) -> None:
-        ids = self.near.pairs.ids
+        ids, self.memory.held = self.near.pairs.ids, False
         if self.fresh:
             self.near.build()
             self._copy(self.pressed, ids, self.saved, self.saved_ids)
         else:
             self.near.anew()
             self._copy(self.saved, self.saved_ids, self.pressed, ids)
-        self.words.fill_(int(self.frames == 0))            # FIRST; the others are set before they are read
+        self.words.fill_(int(self.frames == 0 and not self.went_on))            # FIRST; the others are set before they are read
         self.near.allow(ROUNDS * MORE if self.often else ROUNDS)
         self.fresh = False
 
