@@ -63,3 +63,18 @@ def test_auto_knows_what_a_substep_of_self_contact_costs():
     """6889 substeps of leapfrog, which took two minutes to record, where XPBD takes a few hundred."""
     choice = Simulation(thin(True), device="cpu").plan.choice
     assert choice.solver == "xpbd" and choice.substeps < 500
+
+
+def test_a_frame_whose_launches_have_no_room_is_not_recorded_and_has_the_same_bits(monkeypatch):
+    """55008 substeps of self-contact would take 25 GB, and the process with them."""
+    found = []
+    for free in (np.inf, 1e3):
+        monkeypatch.setattr("wsim.simulation.measure.memory.free", lambda device, free=free: free)
+        monkeypatch.setattr("wsim.simulation.plan.SMALL", 1.0)
+        scene = thin(True)
+        scene.solver, scene.substeps = "xpbd", 4
+        sim = Simulation(scene, device="cpu")
+        sim.run(2)
+        found.append((sim.positions(), bool(sim.graphs), [w for w in sim.warnings if "launched one by one" in w]))
+    assert found[0][1:] == (True, []) and not found[1][1] and "GiB, more than half of what is free" in found[1][2][0]
+    assert np.array_equal(found[0][0], found[1][0])

@@ -54,6 +54,8 @@ from wsim.scene.methods import touches
 # Cells of a fluid: fluids_h200.json. CPU: one core of an EPYC (choice_epyc_2_cores.json); met, damped, body, cell fitted to
 # the examples (tools/bench/choice/said.py, said_cpu.json); packed, beside, aired: sheets of 16 to 72 cells a side, one thread,
 # least CPU seconds of 6 to 12 frames, said to take 0.9 to 1.3 of what they do (12k points, which leave the cache: 0.6)
+# surfaces, surfaced: two falling layers 2 mm apart of 9, 17 and 25 points a side, 24 to 80 substeps (one core, others busy: 2.1
+# to 3.3, 6.6 and 17 to 24 ms a substep, by leapfrog as by XPBD); of a GPU what the twist of 50k points takes, 19 to 30 ms by 24
 COSTS = {
     "cuda": {"step": 4.7e-6, "spring": 1.3e-11, "element": 2.2e-11, "blown": 9e-6, "block": 3.2e-6, "tet": 1.05e-10,
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,

@@ -28,6 +28,9 @@ def long(plan, fps: float | None = None) -> list[str]:
     if scene.cloths and steps > DEAR * scene.substeps:
         from wsim.scene.check.slivers import slow
         late += map(str, slow(scene, steps))
+    if not plan.fits:
+        late.append(f"warning: /: {steps} substeps a frame: a graph of them would take {plan.recorded() / 2**30:.2g} GiB, more "
+                    "than half of what is free; they are launched one by one, which takes longer; give fewer")
     return late + [f"warning: /: {count} {what}: a frame takes about {duration(plan.seconds)}" for what, count in (
         ("substeps a frame", steps), ("iterations a substep", plan.choice.iterations)) if count > MANY]
 

@@ -30,6 +30,9 @@ from wsim.simulation import cost
 from wsim.simulation.choice import Choice, choose
 from wsim.simulation.methods import PARTS, Build, built, needed, signature
 
+LAUNCH = 5.5e3           # [B] of a launch of the table in a graph of a CPU: crossed cloths, 84 of them in a substep
+SMALL = 1 << 28          # bytes of a graph, for which there is room
+
 
 @dataclass
 class Plan:
@@ -50,6 +53,20 @@ class Plan:
         """True if the frame to come differs from those after it: it is not worth a graph of its own."""
         clock, half = self.clock, self.state.has("b")
         return clock.starting and (clock.integrator.memory > 0.0 or half) or clock.after_free and half and not clock.free
+
+    def recorded(self) -> float:
+        """Bytes that a graph of a frame among contacts takes on a CPU, which keeps the arguments of every launch."""
+        rows = self.table()
+        often, once = (sum(r["launches"] for r in rows if (r["rate"] == "frame") == frame) for frame in (False, True))
+        return 0.0 if self.model.device.is_cuda else LAUNCH * (once + self.clock.substeps * often)
+
+    @property
+    def fits(self) -> bool:
+        """False where there is no room for it: frames are launched one by one."""
+        if self.recorded() < SMALL:
+            return True
+        from wsim.simulation.measure.memory import free
+        return self.recorded() <= 0.5 * free(self.model.device)
 
     def stages(self, phase: str, rate: str, form: str = "") -> list[Stage]:
         """Stages of methods that step with the others. form: of frames; "": of the present one."""

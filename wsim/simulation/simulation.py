@@ -162,7 +162,7 @@ class Simulation:
         self.seconds["compile"] = time.perf_counter() - began
 
     def _replay(self) -> None:
-        if not self.plan.starts:
+        if not self.plan.starts and (self.graph or self.plan.fits):
             wp.capture_launch(self.graph or self._capture())
         elif "met again" in self.graphs and not self.plan.clock.starting:
             wp.capture_launch(self.graphs["met again"])

@@ -18,6 +18,7 @@ and positive.
 
 from functools import cache
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -81,12 +82,8 @@ def roll(to: Inside, n: wp.vec3d, d: wp.vec3d, y: wp.float64, N: wp.float64, slo
 
 
 @wp.func
-def between(u: wp.float64, a: wp.vec3d, b: wp.vec3d):
-    return a + (b - a) * u
-
-
-@wp.func
-def mean(u: wp.float64, a: wp.float64, b: wp.float64):
+def between(u: wp.float64, a: Any, b: Any):
+    """What is a at a point and b at the next, numbers or vectors, at the part u of the edge."""
     return a + (b - a) * u
 
 
@@ -128,7 +125,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
 
     @wp.func
     def stiffness(S: Strands, hh: wp.float64, y: wp.float64, i: int, k: int):
-        return wp.max(STIFF * mean(y, S.m[i, k], S.m[i + 1, k]) / hh, FIRM * S.A[i, k])
+        return wp.max(STIFF * between(y, S.m[i, k], S.m[i + 1, k]) / hh, FIRM * S.A[i, k])
 
     @wp.func
     def meet(C: Colliders, S: Strands, Q: Motion, T: Trial, to: Site, at: Flank, E: Edge, c: int):
@@ -138,7 +135,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         now = E.at
         zero = wp.float64(0.0)
         y = at.y
-        r = mean(y, S.radius[i, k], S.radius[i + 1, k])
+        r = between(y, S.radius[i, k], S.radius[i + 1, k])
         deep = beneath(at.phi, E.ends, r + C.thick[c], SOFT * r)
         N, slope = press(stiffness(S, E.hh, y, i, k), SOFT * r, deep)
         if N > to.N or (to.N == zero and deep > to.side.deep):
@@ -179,12 +176,13 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         if T.hit:
             if to.slope == zero:
                 forget(T, row, k)
-            t, N = pressed(T, t, to.side, stiff, SOFT * mean(y, S.radius[i, k], S.radius[i + 1, k]), row, k)
+            t, N = pressed(T, t, to.side, stiff, SOFT * between(y, S.radius[i, k], S.radius[i + 1, k]), row, k)
             lean = T.lean[row, k]
             T.slip[row, k] = (s - n * wp.dot(n, s)) * wp.where(N > zero, wp.float64(1.0), zero)
         if N > zero:
             found = roll(found, n, T.x[i + 1, k] - T.x[i, k], y, N, to.slope)
-            N = bound(before, mean(y, S.m[i, k], S.m[i + 1, k]), between(y, Q.v[i, k], Q.v[i + 1, k]), S.gravity[k], n, N, E.hh)
+            m = between(y, S.m[i, k], S.m[i + 1, k])
+            N = bound(before, m, between(y, Q.v[i, k], Q.v[i + 1, k]), S.gravity[k], n, N, E.hh)
             t = rub(t, n, s, N, stiff, C.friction[to.side.c, k], lean)
         T.bristle[row, k] = t.s
         T.inside[row, k] = wp.vec3d(y, wp.max(to.N, zero), wp.where(to.N > zero, to.side.deep, zero))

@@ -116,6 +116,26 @@ def test_a_member_set_between_two_launches_is_the_second_ones():
     np.testing.assert_allclose(s.o.out.numpy() - first.numpy(), 0.1 * s.x**2, atol=1e-12)
 
 
+@wp.kernel
+def scaled(x: wp.array(dtype=wp.float64), a: wp.float64, n: int, out: wp.array(dtype=wp.float64)):
+    i = wp.tid()
+    out[i] = x[i] / a + wp.float64(n)
+
+
+def test_arrays_that_live_for_a_launch_and_signs_of_zero_are_told_apart():
+    """Slices that are gone when the next is made, at the same address in Python; 1 / -0 is not 1 / 0; 1 is not 1.0."""
+    kernel_cache.load(scaled.module, wp.get_device("cpu"))
+    x, out = (wp.array(np.arange(1.0, 41.0), dtype=wp.float64, device="cpu") for _ in range(2))
+    with kernel_cache.capture("cpu") as capture:
+        for k, a in enumerate((1, 1.0, 2.0, 0.0, -0.0, 2.0, -0.0, 0.0, 1, 4.0)):
+            recorded.launch(scaled, 4, [x[4 * k:4 * k + 4], a, k], [out[4 * k:4 * k + 4]], device="cpu")
+    gc.collect()
+    wp.capture_launch(capture.graph)
+    with np.errstate(divide="ignore"):
+        wanted = np.arange(1.0, 41.0) / np.repeat([1.0, 1.0, 2.0, 0.0, -0.0, 2.0, -0.0, 0.0, 1.0, 4.0], 4)
+    np.testing.assert_array_equal(out.numpy(), wanted + np.repeat(np.arange(10.0), 4))
+
+
 def test_a_launch_of_a_known_kernel_is_as_strict_as_the_first_and_one_of_no_thread_is_none():
     s = Setting()
     with kernel_cache.capture("cpu"):

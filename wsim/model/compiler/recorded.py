@@ -8,6 +8,7 @@ hold the pointers already. Here a launch is recorded as those bytes, with no poi
     kept      Warp keeps the allocations that it has written down, so that none is freed before the graph: arrays of the
               arguments, those in structs, and their gradients are kept here likewise
     form      what is the same for all launches of a kernel: names, and where each argument begins
+    packs     what arguments were packed into, by array or number: looked up, where Warp looks at types and devices anew
     known     kernels that were launched before in this capture, which `launch` does not look up again
 
 Where Warp has other structs, arguments or functions than those known here, it records as ever.
@@ -51,6 +52,7 @@ def lighten() -> None:
     if found and type(capture) is found.__mro__[2] and capture.device.is_cpu and not capture.apic_savable:
         capture.__class__ = found
         capture.kept, capture.structs, capture.forms, capture.known, capture.bounds = {}, {}, {}, {}, {}
+        capture.packs = {}
 
 
 def launch(kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, device=None, **how) -> None:
@@ -69,6 +71,7 @@ class Lean:
     kept: dict[int, Any]                     # arrays that must outlive the graph, by address
     structs: dict[tuple, tuple]              # as well: (values, those that are structs) of each, by addresses of values
     forms: dict[tuple, tuple]
+    packs: dict[tuple, Any]                  # what arguments have had, by argument and address, or number
     known: dict[tuple, tuple]                # (executable, hooks, function) of a kernel, and whether of its adjoint
     bounds: dict[tuple, Any]                 # of launches, by threads and dimensions
 
@@ -117,10 +120,27 @@ class Lean:
         return found
 
     def packed(self, kernel, values: list, adjoint: bool) -> list:
-        """Values as a kernel takes them."""
-        return [value.__ctype__() if isinstance(value, StructInstance) and isinstance(argument.type, Struct) else
-                context.pack_arg(kernel, argument.type, argument.label, value, self.device, adjoint)
-                for argument, value in zip(kernel.adj.args, values, strict=False)]
+        """Values as a kernel takes them. Arrays and numbers that an argument has had are not looked at again."""
+        found, before, key = [], self.packs, ()                      # type: list, dict, tuple
+        for argument, value in zip(kernel.adj.args, values, strict=False):
+            kind = type(value)
+            if kind is wp.array:
+                key = id(argument), id(value), adjoint
+                if key not in before:
+                    self.kept[id(value)] = value                     # so that no other has its address
+                    before[key] = context.pack_arg(kernel, argument.type, argument.label, value, self.device, adjoint)
+                found.append(value.__ctype__())
+            elif kind is int or kind is float and value:              # 0.0 and -0.0 are equal
+                key = id(argument), kind, value
+                pack = before.get(key)
+                if pack is None:
+                    pack = before[key] = context.pack_arg(kernel, argument.type, argument.label, value, self.device, adjoint)
+                found.append(pack)
+            elif isinstance(value, StructInstance) and isinstance(argument.type, Struct):
+                found.append(value.__ctype__())
+            else:
+                found.append(context.pack_arg(kernel, argument.type, argument.label, value, self.device, adjoint))
+        return found
 
     def keep(self, values) -> None:
         for value in values:
