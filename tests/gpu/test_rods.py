@@ -123,6 +123,25 @@ def test_ropes_that_are_thrown_at_each_other_go_as_on_a_cpu():
     assert all(abs(linked(x)) < 1e-6 for x in one)
 
 
+def test_ropes_that_touch_go_on_where_an_earlier_run_ended_to_the_bit():
+    from tests.physics.rods.test_touch import thrown
+
+    def made() -> Simulation:
+        return Simulation(thrown(2, 4.0)[0], device="cuda:0")
+    whole, ends = made(), []
+    whole.step()
+    written = {path: whole.fields(path) for path in whole.state.paths()}
+    for _ in range(3):
+        whole.step()
+        ends.append(whole.plan.method("rods").points(0)[0].copy())
+    again = made()
+    again.restart(1, written)
+    for end in ends:
+        again.step()
+        assert np.array_equal(again.plan.method("rods").points(0)[0], end)
+    assert len(written["/ropes"]["pair0"]) > 1
+
+
 @pytest.mark.parametrize("on", [False, True], ids=["alone", "touching"])
 def test_a_rope_and_a_box_that_collide_go_as_on_a_cpu(on):
     """The same bits from run to run; momentum of both."""

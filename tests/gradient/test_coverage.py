@@ -184,6 +184,12 @@ def of(material: dict, **more) -> Scene:
     return scene
 
 
+def folding() -> Scene:
+    scene = sheet("membrane")
+    scene.cloths[0].self_collision = True
+    return scene
+
+
 def heavy() -> Scene:
     scene = sheet("springs")
     scene.cloths[0].masses = np.full(25, 1e-3)
@@ -283,6 +289,7 @@ def landing() -> Scene:
 
 CASES = {
     "method": ("/wheel", lambda: Simulation(turned(), device="cpu", gradients=True)),
+    "surfaces": ("/cloth", lambda: Simulation(folding(), device="cpu", gradients=True)),
     "varying": ("/chain", lambda: recorded(net(varying=[VARIES]))),
     "limits": ("/cloth", lambda: recorded(tethered()).reactions(1)),
     "moved": ("/pin", lambda: moving().targets("/pin")),

@@ -130,6 +130,8 @@ def built(row: Row, b: Build) -> Method | None:
     """Raises SceneError where gradients are asked for and the method has none."""
     if b.model.gradients and not row.gradients:
         from wsim.scene.values.coverage import refuse
+        if row.name == "selfcontact":
+            raise refuse("surfaces", next(body.path for body in b.scene.bodies() if getattr(body, "self_collision", False)))
         path = b.scene.things(row.owns[0])[0].path if row.owns else "/"
         raise refuse("method", path, method=row.name)
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)

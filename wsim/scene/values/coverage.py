@@ -165,6 +165,8 @@ COVERED: list[Covered] = [
 REFUSED: dict[str, Refused] = {
     "method": Refused("methods whose row in `wsim.scene.methods.METHODS` says gradients=False",
                       "gradients do not go through {method}; leave out gradients=True, or take these objects out of the scene"),
+    "surfaces": Refused("contacts of surfaces with each other", "has wsim:selfCollision, and contacts of surfaces have no "
+                        "derivative; leave it out of all that the scene simulates, or leave out gradients=True"),
     "varying": Refused("values that vary in time", "{name} varies in time, and a recording has one value for all its frames; "
                        "author one value, or take it out of scene.varying ({count} in it)"),
     "limits": Refused("reactions of pins where tethers or strain limits pull", "has tethers or a strain limit, which pull at "
