@@ -171,10 +171,9 @@ def test_a_piece_without_a_pin_is_named(scene):
     assert not found.fatal and "1 of its 2 separate pieces are held by no pin" in found.text
 
 
-@pytest.mark.parametrize("points, tets", [(0, 0), (4, 0)])
-def test_a_body_without_tets_is_an_error(points, tets):
-    """Without points it was a ValueError of NumPy."""
+def test_a_body_without_points_is_an_error():
+    """It was a ValueError of NumPy."""
     scene = Scene()
-    scene.soft("/jelly", np.eye(4)[:points, :3], np.zeros((tets, 4), int))
+    scene.soft("/jelly", np.zeros((0, 3)), np.zeros((0, 4), int))
     (problem,) = check(scene)
-    assert problem.fatal and str(problem).startswith(f"error: /jelly: {points} points and 0 tets; allowed: a tet and its four")
+    assert str(problem).startswith("error: /jelly: it has no points; allowed: a tet and its four points")

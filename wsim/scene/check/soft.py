@@ -19,8 +19,8 @@ LIGHTEST, HEAVIEST = 1.0, 3e4       # [kg/m^3] air; osmium has 2.3e4
 def soft(thing: Soft) -> list[Problem]:
     """Problems of a soft body. Rest shape and winding are judged in the world, where volumes must be positive."""
     path, n, t = thing.path, (len(thing.points),), (len(thing.tets),)
-    if not (n[0] and t[0]):
-        return [error(path, f"{n[0]} points and {t[0]} tets", "a tet and its four points, or more", "author them again")]
+    if not n[0]:
+        return [error(path, "it has no points", "a tet and its four points, or more", "author them again")]
     found = [*array(path, "points", thing.points, n), *placed(path, thing.points, thing.motion)]
     found += array(path, "rest points", thing.rest_points, n)
     if not found:
