@@ -111,7 +111,7 @@ def tied(**solver) -> Scene:
 
 def kept(scene: Scene, frames: int):
     """The run; momentum of points and bodies together stays, at every frame to 1e-6 of what moves. By BDF2, whose velocities
-    are sums of two before, and by explicit steps, of which there are 4 times as many, float32 rounds by 2e-6: float64 is held to
+    are sums of two before, and by explicit steps, of which there are more, float32 rounds by 2e-6: float64 is held to
     what sums of pushes round by."""
     bound, precision = (1e-6, "float32") if scene.integrator == "backward_euler" else (1e-10, "float64")
     sim = run(scene, precision=precision)
