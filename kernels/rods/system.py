@@ -18,7 +18,8 @@ import warp as wp
 
 from wsim.kernels.rods.air import blow, velocity
 from wsim.kernels.rods.contact import TINY, Colliders, expect_all, touching
-from wsim.kernels.rods.edges.inside import Inside, inside
+from wsim.kernels.rods.edges.inside import inside
+from wsim.kernels.rods.edges.sites import Inside
 from wsim.kernels.rods.element import bend, spinning, transport, turned, upright
 from wsim.kernels.rods.eliminate import Window, eliminating
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial

@@ -6,7 +6,8 @@ kernels/rods/edges/flanks.py. What bodies then do: kernels/rigid/touch/strands.p
 
 A force f at x_u = (1 - u) x_i + u x_i+1 is (1 - u) f and u f on the points of the edge, and -f on the body at the arm of x_u;
 its stiffness b b^T K, b = (1 - u, u). A point has u = 0, and a row that it shares with the edge behind it: three sites, the
-point and two places within the edge. The friction of each is with the body that it is deepest in.
+point and two places within the edge. The friction of each is with the body that it is deepest in, or, where two press an edge,
+of the first site with the one farther down it, of the second with the other, by all that each presses with.
 
 The load that friction goes by, at most twice the present normal force, is a force that Newton's system knows nothing of (it has
 no potential): iterations may go round for good. Behind LATE of them it stays as it is for AGAIN, which then settle.
@@ -21,7 +22,7 @@ from wsim.kernels.rigid.touch.strands import Carried
 from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, bound, rub
 from wsim.kernels.rods.contact import press as pressing
 from wsim.kernels.rods.edges.flanks import Flank
-from wsim.kernels.rods.edges.inside import beneath
+from wsim.kernels.rods.edges.sites import beneath
 from wsim.kernels.rods.tables import Borne, Motion, Strands, Trial
 
 LATE = wp.constant(30)                   # iterations behind which the load of friction is a new one in each of AGAIN alone
@@ -30,12 +31,21 @@ AGAIN = wp.constant(20)
 
 @wp.struct
 class Deepest:
-    """The contact of a site that is deepest: shape, number in its row, normal, u."""
+    """The contact of a site that is deepest: shape, number in its row, normal, u, normal force [N], how deep [m]. 0 N: none."""
 
     shape: int
     number: int
     n: wp.vec3d
     u: wp.float64
+    N: wp.float64
+    deep: wp.float64
+
+
+@wp.func
+def deeper(to: Deepest, other: Deepest):
+    if other.N > to.N:
+        return other
+    return to
 
 
 @wp.func
@@ -46,8 +56,8 @@ def stiffness(W: Carried, j: int, s: Spot):
 
 
 @wp.func
-def press(W: Carried, B: Borne, to: Deepest, s: Spot, n: wp.vec3d, deep: wp.float64, c: int):
-    """A contact more of a place, so deep in shape c: the deepest one."""
+def press(W: Carried, B: Borne, s: Spot, n: wp.vec3d, deep: wp.float64, c: int):
+    """A contact more, of a place so deep in shape c."""
     j = W.body[c]
     p = s.i * W.strand.shape[0] + s.k
     N, slope = pressing(stiffness(W, j, s), SOFT * s.radius, deep)
@@ -59,20 +69,24 @@ def press(W: Carried, B: Borne, to: Deepest, s: Spot, n: wp.vec3d, deep: wp.floa
         B.f[p, number] = n * N
         B.K[p, number] = wp.outer(n, n) * slope
         B.arm[p, number] = s.x - (W.c1[j] + W.xi[j, 0])
-    if N > B.N[p, s.site]:
-        B.N[p, s.site] = N
-        B.deep[p, s.site] = deep
-        to.n = n
-        to.shape = c
-        to.number = number
-        to.u = s.u
+    to = Deepest()
+    to.n = n
+    to.shape = c
+    to.number = number
+    to.u = s.u
+    to.N = N
+    to.deep = deep
     return to
 
 
 @wp.func
 def rubbed(C: Colliders, S: Strands, W: Carried, B: Borne, to: Deepest, s: Spot):
-    """Friction of a place with the shape that it is deepest in."""
+    """Friction of a site with a shape, in a contact of its own if there is one."""
     p = s.i * W.strand.shape[0] + s.k
+    B.N[p, s.site] = to.N
+    B.deep[p, s.site] = to.deep
+    if to.N == wp.float64(0.0) or B.many[p] > B.body.shape[1]:
+        return
     c = to.shape
     j = W.body[c]
     q = wp.transform_point(wp.transform_inverse(W.pose1[c]), s.x)
@@ -115,34 +129,45 @@ def meet(kinds: tuple[str, ...], module: str):
         for c in range(W.body.shape[0]):
             deep, n = depth(C, W, s, w, c)
             if deep > -w:
-                to = press(W, B, to, s, n, deep, c)
-        p = i * S.points.shape[0] + k
-        if B.N[p, 0] > wp.float64(0.0) and B.many[p] <= B.body.shape[1]:
-            rubbed(C, S, W, B, to, s)
+                to = deeper(to, press(W, B, s, n, deep, c))
+        rubbed(C, S, W, B, to, s)
 
     @wp.func
-    def meet_place(C: Colliders, W: Carried, B: Borne, to: Deepest, s: Spot, at: Flank, ends: wp.float64, c: int):
+    def meet_place(C: Colliders, W: Carried, B: Borne, s: Spot, at: Flank, ends: wp.float64, c: int):
         w = SOFT * s.radius
         deep = beneath(at.phi, ends, s.radius + C.thick[c], w)
+        to = Deepest()
         if at.u > wp.float64(0.0) and deep > -w:
-            to = press(W, B, to, s, at.n, deep, c)
+            to = press(W, B, s, at.n, deep, c)
         return to
 
     @wp.func
     def meet_edge(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, i: int, k: int):
         a = Deepest()
         b = Deepest()
+        most = Deepest()
+        less = Deepest()
         thick = wp.max(S.radius[i, k], S.radius[i + 1, k])
         for c in range(W.body.shape[0]):
             to = span(C, S, T, W, SOFT * thick, c, i, k)
-            a = meet_place(C, W, B, a, spot(S, Q, T, i, k, 1, to.a.u), to.a, to.ends, c)
-            b = meet_place(C, W, B, b, spot(S, Q, T, i, k, 2, to.b.u), to.b, to.ends, c)
-        p = i * S.points.shape[0] + k
-        if B.many[p] <= B.body.shape[1]:
-            if B.N[p, 1] > wp.float64(0.0):
-                rubbed(C, S, W, B, a, spot(S, Q, T, i, k, 1, a.u))
-            if B.N[p, 2] > wp.float64(0.0):
-                rubbed(C, S, W, B, b, spot(S, Q, T, i, k, 2, b.u))
+            x = meet_place(C, W, B, spot(S, Q, T, i, k, 1, to.a.u), to.a, to.ends, c)
+            y = meet_place(C, W, B, spot(S, Q, T, i, k, 2, to.b.u), to.b, to.ends, c)
+            a = deeper(a, x)
+            b = deeper(b, y)
+            both = deeper(x, y)
+            both.N = x.N + y.N
+            less = deeper(less, both)
+            if both.N > most.N:
+                less = most
+                most = both
+        if less.N > wp.float64(0.0):
+            a = most
+            b = less
+            if less.u < most.u:
+                a = less
+                b = most
+        rubbed(C, S, W, B, a, spot(S, Q, T, i, k, 1, a.u))
+        rubbed(C, S, W, B, b, spot(S, Q, T, i, k, 2, b.u))
 
     @wp.kernel(module=module, enable_backward=False)
     def meet_bodies(C: Colliders, S: Strands, Q: Motion, T: Trial, W: Carried, B: Borne, full: wp.array(dtype=int)):

@@ -27,7 +27,8 @@ from wsim.kernels.rods.apart.parts import (
     numbers,
 )
 from wsim.kernels.rods.contact import MET, Colliders, expect_all
-from wsim.kernels.rods.edges.inside import Inside, inside
+from wsim.kernels.rods.edges.inside import inside
+from wsim.kernels.rods.edges.sites import Inside
 from wsim.kernels.rods.element import transport, turned, upright
 from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
 from wsim.kernels.rods.system import TINY, add, pointing, pulled, split, strains

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from wsim.kernels.rods.edges.inside import Inside
+from wsim.kernels.rods.edges.sites import Inside
 from wsim.kernels.rods.element import bend, spinning
 from wsim.kernels.rods.tables import Strands, Trial
 

@@ -11,6 +11,9 @@ moves on from an edge to a point, forces do not jump. As an edge turns its place
 of which hairs that land on a ball with points as far apart as a fifth of its radius had five times as much as of inertia. What
 is left out of the stiffness (of e what the maximum changes by moves, of N grad grad phi what is below 0) leaves it symmetric
 and positive.
+
+Friction of a place is with the collider that it is deepest in. Where two press an edge, each has the friction of one site, by
+all that it presses with: the one farther down the edge that of the first. Of three, that which presses least has none here.
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -18,7 +21,6 @@ and positive.
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import warp as wp
 
@@ -30,7 +32,6 @@ from wsim.kernels.rods.contact import (
     SOFT,
     STIFF,
     Colliders,
-    Side,
     Touch,
     bound,
     forget,
@@ -39,79 +40,10 @@ from wsim.kernels.rods.contact import (
     rub,
 )
 from wsim.kernels.rods.edges.flanks import Flank, flanking
+from wsim.kernels.rods.edges.sites import Edge, Faced, Inside, Site, beneath, between, paired, roll, spread
 from wsim.kernels.rods.tables import Motion, Strands, Trial
 
 DRAWN = wp.constant(wp.float64(0.25))        # of its length: how far outside an edge that is pressed still is
-
-
-@wp.struct
-class Inside:
-    """Forces of colliders on both points of an edge, and their stiffness: of each, and between them."""
-
-    f0: wp.vec3d
-    f1: wp.vec3d
-    K0: wp.mat33d
-    K1: wp.mat33d
-    K: wp.mat33d
-
-
-@wp.func
-def spread(to: Inside, f: wp.vec3d, K: wp.mat33d, u: wp.float64):
-    """`to` with a force at a place of the edge, and its stiffness."""
-    v = wp.float64(1.0) - u
-    to.f0 = to.f0 + f * v
-    to.f1 = to.f1 + f * u
-    to.K0 = to.K0 + K * (v * v)
-    to.K1 = to.K1 + K * (u * u)
-    to.K = to.K + K * (u * v)
-    return to
-
-
-@wp.func
-def roll(to: Inside, n: wp.vec3d, d: wp.vec3d, y: wp.float64, N: wp.float64, slope: wp.float64):
-    """`to` with what a normal force N gives as its place moves along the edge d."""
-    length = wp.length(d)
-    t = d * (slope / length)
-    a0 = t * (wp.float64(1.0) - y) - n
-    a1 = t * y + n
-    k = N / (slope * length)
-    to.K0 = to.K0 + wp.outer(a0, a0) * k
-    to.K1 = to.K1 + wp.outer(a1, a1) * k
-    to.K = to.K + wp.outer(a0, a1) * k
-    return to
-
-
-@wp.func
-def between(u: wp.float64, a: Any, b: Any):
-    """What is a at a point and b at the next, numbers or vectors, at the part u of the edge."""
-    return a + (b - a) * u
-
-
-@wp.func
-def beneath(phi: wp.float64, ends: wp.float64, r: wp.float64, w: wp.float64):
-    """e of a place of an edge [m]. ends: least distance of its points; r: what is kept from the collider [m]."""
-    return r - phi - w - wp.max(-w, r - ends)
-
-
-@wp.struct
-class Site:
-    """One of both places of an edge in all colliders: the deepest one, its normal force [N], y and the slope of s."""
-
-    side: Side
-    N: wp.float64
-    y: wp.float64
-    slope: wp.float64
-
-
-@wp.struct
-class Edge:
-    """The edge behind point i of strand k in the substep at, hh: h^2 [s^2]; ends: least distance of its points [m]."""
-
-    i: int
-    k: int
-    at: int
-    hh: wp.float64
-    ends: wp.float64
 
 
 @cache
@@ -181,11 +113,11 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             T.slip[row, k] = (s - n * wp.dot(n, s)) * wp.where(N > zero, wp.float64(1.0), zero)
         if N > zero:
             found = roll(found, n, T.x[i + 1, k] - T.x[i, k], y, N, to.slope)
-            m = between(y, S.m[i, k], S.m[i + 1, k])
-            N = bound(before, m, between(y, Q.v[i, k], Q.v[i + 1, k]), S.gravity[k], n, N, E.hh)
+            v = between(y, Q.v[i, k], Q.v[i + 1, k])
+            N = bound(before, between(y, S.m[i, k], S.m[i + 1, k]), v, S.gravity[k], n, N + to.more, E.hh)
             t = rub(t, n, s, N, stiff, C.friction[to.side.c, k], lean)
         T.bristle[row, k] = t.s
-        T.inside[row, k] = wp.vec3d(y, wp.max(to.N, zero), wp.where(to.N > zero, to.side.deep, zero))
+        T.inside[row, k] = wp.vec3d(y, wp.max(to.N, zero) + to.more, wp.where(to.N > zero, to.side.deep, zero))
         return spread(found, t.f, t.K, y)
 
     @wp.func
@@ -219,48 +151,85 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
                     T.slip[row, k] = wp.vec3d()
 
     @wp.func
+    def face(C: Colliders, S: Strands, Q: Motion, T: Trial, F: Faced, E: Edge, c: int, again: int):
+        """The edge with what collider c does to it; again: that pressed with others, for its friction alone, 1: at the first
+        site, 2: at the second."""
+        zero = wp.float64(0.0)
+        back = C.back[E.at + 1, c]
+        both = flanks(C, c, E.at, wp.transform_point(back, E.x0), wp.transform_point(back, E.x1), E.reach + C.thick[c])
+        E.ends = both.ends
+        if both.a.u + both.b.u > zero and F.now == CLEAR:
+            F.now = MET
+            if E.had != MET:
+                fill(T, E.had, E.i, E.k)
+        one = F.first
+        if again > 0:
+            one = Site()
+        force = zero
+        if both.a.u > zero:
+            one, N, slope = meet(C, S, Q, T, one, both.a, E, c)
+            n = wp.transform_vector(C.frame[E.at + 1, c], both.a.n)
+            force = N
+            if again == 0:
+                F.to = spread(F.to, n * N, wp.outer(n, n) * slope, both.a.y)
+        two = one
+        if again == 0:
+            two = F.second
+        if both.b.u > zero:
+            two, N2, slope2 = meet(C, S, Q, T, two, both.b, E, c)
+            n2 = wp.transform_vector(C.frame[E.at + 1, c], both.b.n)
+            force += N2
+            if again == 0:
+                F.to = spread(F.to, n2 * N2, wp.outer(n2, n2) * slope2, both.b.y)
+        if again == 0:
+            F.first = one
+            F.second = two
+            F.pair = paired(F.pair, c, force, wp.max(both.a.y, both.b.y))
+        else:
+            two.more = force - two.N
+            if again == 1:
+                F.first = two
+            else:
+                F.second = two
+        return F
+
+    @wp.func
     def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
-        found = Inside()
         E = Edge()
         E.i = i
         E.k = k
         E.at = at
         E.hh = hh
-        first = Site()
-        second = Site()
-        first.side.deep = -FAR
-        second.side.deep = -FAR
+        E.x0 = T.x[i, k] + S.origin[k]
+        E.x1 = T.x[i + 1, k] + S.origin[k]
+        E.had = T.edge[i, k]
+        E.reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
+        F = Faced()
+        F.now = CLEAR
+        F.first.side.deep = -FAR
+        F.second.side.deep = -FAR
         zero = wp.float64(0.0)
-        x0 = T.x[i, k] + S.origin[k]
-        x1 = T.x[i + 1, k] + S.origin[k]
-        had = T.edge[i, k]
-        now = CLEAR
-        reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
-        if T.hit and had == MET:
+        if T.hit and E.had == MET:
             row = T.x.shape[0] + i
             if T.load[row, k] > zero or T.load[row + T.x.shape[0], k] > zero:    # it is drawn back as points are
-                reach = reach + DRAWN * wp.length(x1 - x0)
-        for c in range(C.kind.shape[0]):
-            back = C.back[at + 1, c]
-            both = flanks(C, c, at, wp.transform_point(back, x0), wp.transform_point(back, x1), reach + C.thick[c])
-            E.ends = both.ends
-            if both.a.u + both.b.u > zero and now == CLEAR:
-                now = MET
-                if had != MET:
-                    fill(T, had, i, k)
-            if both.a.u > zero:
-                first, N, slope = meet(C, S, Q, T, first, both.a, E, c)
-                n = wp.transform_vector(C.frame[at + 1, c], both.a.n)
-                found = spread(found, n * N, wp.outer(n, n) * slope, both.a.y)
-            if both.b.u > zero:
-                second, N2, slope2 = meet(C, S, Q, T, second, both.b, E, c)
-                n2 = wp.transform_vector(C.frame[at + 1, c], both.b.n)
-                found = spread(found, n2 * N2, wp.outer(n2, n2) * slope2, both.b.y)
-        if now != had:
-            T.edge[i, k] = now
-        if now == MET or had == MET:
-            found = end(C, S, Q, T, found, first, E, 0)
-            found = end(C, S, Q, T, found, second, E, 1)
+                E.reach = E.reach + DRAWN * wp.length(E.x1 - E.x0)
+        colliders = C.kind.shape[0]
+        count = colliders
+        j = int(0)
+        while j < count:
+            c = j
+            if j >= colliders:
+                c = wp.where((j == colliders) == (F.pair.y < F.pair.z), F.pair.first, F.pair.second)
+            F = face(C, S, Q, T, F, E, c, wp.max(j + 1 - colliders, 0))
+            j += 1
+            if j == colliders and F.pair.less > zero:
+                count = colliders + 2
+        found = F.to
+        if F.now != E.had:
+            T.edge[i, k] = F.now
+        if F.now == MET or E.had == MET:
+            found = end(C, S, Q, T, found, F.first, E, 0)
+            found = end(C, S, Q, T, found, F.second, E, 1)
         return found
 
     return SimpleNamespace(clear=clear, touch=touch, name="_".join(kinds))

@@ -154,6 +154,27 @@ def test_a_box_on_single_edges_sticks_and_slips_at_the_critical_angle():
     assert gain == pytest.approx(0.25 * G * (np.sin(a) - 0.5 * np.cos(a)), rel=0.05)
 
 
+def test_two_boxes_on_the_same_edges_stick_and_slip_at_the_critical_angle():
+    """Of 1 and 2 kg: one of them glided without any friction."""
+    critical = np.degrees(np.arctan(0.5))
+    for degrees in (critical - 1.0, critical + 1.0):
+        a = np.radians(degrees)
+        scene = Scene(gravity=(G * np.sin(a), -G * np.cos(a), 0.0), fps=60.0, substeps=4)
+        x = np.concatenate([line(2, 1.0, 0.0, z) for z in (0.08, -0.08)])
+        rods = scene.add(Rods("/rails", x, [2, 2], THICK, young=1e9))
+        rods.pin("/held", np.arange(4))
+        for k, side in enumerate((-0.3, 0.25)):
+            box(scene, f"/box{k}", (0.02, 0.02, 0.15), (side, 0.02 + 0.5 * THICK, 0.0), mass=1.0 + k)
+        simulation, _ = simulated(scene)
+        simulation.run(9)
+        before = simulation.plan.method("rigid").velocities()[:, 0]
+        simulation.run(15)
+        now = simulation.plan.method("rigid").velocities()[:, 0]
+        if degrees < critical:
+            assert np.abs(now).max() < 1e-5
+    assert now - before == pytest.approx(0.25 * G * (np.sin(a) - 0.5 * np.cos(a)), rel=0.05)
+
+
 def test_a_rope_that_lies_flat_has_no_contact_within_its_edges():
     scene = Scene(gravity=(0.0, -G, 0.0), fps=60.0, substeps=4)
     scene.add(Rods("/rope", line(9, 0.2, 0.06), [9], 0.01, young=1e7))

@@ -95,6 +95,27 @@ def test_a_rope_over_a_bar_between_its_points_is_held_by_friction():
     assert slid[0] < 0.01 and slid[1] > 0.03
 
 
+@pytest.mark.parametrize("shape", [Capsule(0.02, 0.3), Box((0.01, 0.02, 0.3))], ids=["bars", "boxes"])
+def test_an_edge_across_two_shapes_sticks_and_slips_at_the_critical_angle(shape):
+    """A rod of two points across both, tilted: each rubs by all that it bears (by the deepest place alone: 20 degrees)."""
+    critical, last = np.degrees(np.arctan(0.5)), []
+    for degrees in (critical - 1.0, critical + 1.0):
+        a = np.radians(degrees)
+        x = np.array([[-0.1, 0.02 + RADIUS, 0.0], [0.1, 0.02 + RADIUS, 0.0]])
+        made, _ = scene(x, (9.81 * np.sin(a), -9.81 * np.cos(a), 0.0), young=1e7, static_friction=0.5, dynamic_friction=0.5)
+        made.substeps = 4
+        for k, at in enumerate((-0.05, 0.06)):
+            made.collider(f"/shape{k}", shape, motion=placed(0.0, (at, 0.0, 0.0)), static_friction=0.5, dynamic_friction=0.5)
+        simulation, method = simulated(made)
+        v = []
+        for _ in range(24):
+            simulation.step()
+            v.append(method.points(0)[1][:, 0].mean())
+        last.append((v[-1], (v[-1] - v[9]) * 60.0 / 14.0))
+    assert abs(last[0][0]) < 1e-4
+    assert last[1][1] == pytest.approx(9.81 * (np.sin(a) - 0.5 * np.cos(a)), rel=0.05)
+
+
 def test_a_world_of_ropes_that_touch_steps_by_backward_euler_where_an_edge_meets_a_collider():
     """Points that step otherwise than those they pull at would make momentum."""
     made = laid(11, 0.04, (Capsule(0.02, 0.3), placed(0.0)))

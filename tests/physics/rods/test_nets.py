@@ -9,7 +9,7 @@ from tests.physics.rods.test_bodies import line, masses
 from wsim.geometry import primitives
 from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.edges.flanks import flanking
-from wsim.kernels.rods.edges.inside import beneath
+from wsim.kernels.rods.edges.sites import beneath
 from wsim.kernels.rods.march import TOLERANCE
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rods.objects import Rods
