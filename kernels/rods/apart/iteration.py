@@ -1,6 +1,7 @@
-"""Parts of an iteration of Newton's method, by point or by strand, of strands that are each in a substep of their own: strains
-and contacts (`measure`), what a strand's greatest correction says (`judge`), the move (`move`, `take`), the end of a substep
-and the beginning of the next (`end`, `begin`). kernels/rods/march.py takes the same steps in one thread."""
+"""Parts of an iteration of Newton's method, by point or by strand, of strands that are each in a substep of their own: contacts
+of edges (`meet`), strains and contacts of points (`measure`), what a strand's greatest correction says (`judge`), the move
+(`move`, `take`), the end of a substep and the beginning of the next (`end`, `begin`). kernels/rods/march.py takes the same
+steps in one thread."""
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
 # ruff: noqa: SIM102, UP018
@@ -73,7 +74,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
 
     @wp.func
     def meet(S: Strands, C: Colliders, Q: Motion, T: Trial, A: Parts, i: int, k: int):
-        """What colliders give the edge behind a point, before `measure`."""
+        """What colliders give the edge behind a point, before `measure`, which has its first point's part of it."""
         if i + 1 < S.points[k]:
             if S.hold[i, k] < 0 or S.hold[i + 1, k] < 0:
                 had = T.edge[i, k]
