@@ -24,6 +24,8 @@
                                 touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
                                 time / step), as the iterations of its solve go; a rigid body, or what else
                                 other methods move, in a substep
+    rods, rod, ropes, rope      a substep of strands that are solved for one by one, a point of them in it; of such as may touch
+                                each other, or rigid bodies, likewise
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
     sheet, shared, sent         a substep of sheets and tets that blocks share, the work of a block, what a grid of them takes
                                 to send places, or velocities (H200, tools/bench/choice/blocks.py: blocks_h200.json)
@@ -56,6 +58,8 @@ from wsim.scene.methods import touches
 # least CPU seconds of 6 to 12 frames, said to take 0.9 to 1.3 of what they do (12k points, which leave the cache: 0.6)
 # surfaces, surfaced: two falling layers 2 mm apart of 9, 17 and 25 points a side, 24 to 80 substeps (one core, others busy: 2.1
 # to 3.3, 6.6 and 17 to 24 ms a substep, by leapfrog as by XPBD); of a GPU what the twist of 50k points takes, 19 to 30 ms by 24
+# rods to rope: CPU, hairs of 32 points on a ball, a shaken head, a knot, a net under three bodies: said to take 0.5 to 1.4 of
+# their frames in the mean; H200: 100 and 10000 hairs (3 to 15 ms by 4), 4 ropes under a box and 64 under 16 (60 and 91 ms by 4)
 COSTS = {
     "cuda": {"step": 4.7e-6, "spring": 1.3e-11, "element": 2.2e-11, "blown": 9e-6, "block": 3.2e-6, "tet": 1.05e-10,
              "rest": 1.6e-5, "sweep": 3.6e-5, "projection": 2.1e-11, "newton": 1.2e-4, "solved": 5e-9,
@@ -63,13 +67,15 @@ COSTS = {
              "touch": 5.1e-6, "near": 3e-11, "mesh": 4e-5, "wide": 6e-6,
              "sheet": 1.8e-6, "shared": 5.8e-10, "sent": 4.5e-7, "struck": 3.3e-6, "tried": 1.6e-7, "faced": 1.6e-5,
              "limited": 4.6e-6, "surfaces": 4e-4, "surfaced": 1e-8,
-             "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9},
+             "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9,
+             "rods": 1e-3, "rod": 7e-9, "ropes": 1.3e-2, "rope": 4e-6},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
             "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
             "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
             "surfaces": 1e-4, "surfaced": 1.3e-5,
-            "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "wide": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6}}
+            "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "wide": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6,
+            "rods": 0.0, "rod": 4e-6, "ropes": 3e-3, "rope": 1e-5}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
 SHARED_TET = 10.0      # work of a tet that blocks share, in that of sheets
@@ -202,10 +208,14 @@ def _besides(model: Model, n: int, steps: int) -> dict[str, float]:
     rate = n * scene.fps                                             # steps a second
     damped = sum(len(b.tets) * sqrt(1.0 + rate * most) for b in model.bodies if isinstance(b.source, Soft)
                  and (most := max((m.damping for m in b.source.materials), default=0.0)))
-    others = [thing for found in scene.others.values() for thing in found]
+    rods = scene.things("Rods")
+    others = [thing for name, found in scene.others.items() for thing in found if name != "Rods"]
     grids = [thing.elements for thing in others if hasattr(thing, "elements")]
-    return {"met": n * model.points * convex, "damped": steps * damped, "body": n * (len(others) - len(grids)) * model.worlds,
-            "grid": len(grids) * model.worlds, "cell": sum(grids) * model.worlds}
+    each, one = ("ropes", "rope") if scene.things("Body") or any(r.self_collision for r in rods) else ("rods", "rod")
+    strands = {each: n, one: n * sum(len(r.points) for r in rods) * model.worlds} if rods else {}
+    return strands | {"met": n * model.points * convex, "damped": steps * damped,
+                      "body": n * (len(others) - len(grids)) * model.worlds,
+                      "grid": len(grids) * model.worlds, "cell": sum(grids) * model.worlds}
 
 
 def _constraints(model: Model) -> tuple[float, float, set[str]]:

@@ -265,3 +265,15 @@ def test_a_strand_lies_on_a_mesh_whichever_way_its_faces_are_wound():
         heights.append(method.points(0)[0][:, 1])
     assert np.abs(heights[0] - heights[1]).max() < 1e-7                                  # meshes are float32
     assert np.abs(heights[0] - 0.01).max() < 6e-4                                        # its radius, and what it floats
+
+
+def test_a_frame_is_said_to_take_what_its_strands_do():
+    """By points and substeps; strands that may touch each other are solved for together, which takes much longer."""
+    def said(count: int, substeps: int = 4, **more) -> float:
+        made = Scene(fps=60.0, substeps=substeps)
+        x = np.zeros((count, 10, 3))
+        x[..., 0], x[..., 2] = np.linspace(0.0, 0.9, 10), np.arange(count)[:, None]
+        made.add(Rods("/rods", x.reshape(-1, 3), [10] * count, 0.01, 1e6, **more))
+        return simulated(made)[0].plan.seconds
+    assert said(20) == pytest.approx(2.0 * said(10), rel=0.05) and said(20, 8) == pytest.approx(2.0 * said(20), rel=0.05)
+    assert said(20, self_collision=True) > 2.0 * said(20)
