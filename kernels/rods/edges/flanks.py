@@ -9,9 +9,9 @@ tilted. s is the same all along a face; because what a place asks of s is less f
 from one corner to the other, and forces with it. With the same s for all u it jumped there, and no solution was: of 1280 frames
 of nets under bodies 20 were left so, by up to 0.16 of an edge.
 
-A shape that turns by less than 2 TURN along an edge has no such places: strands are curves, which their points hold, and chords
-sink by L^2 / (8 R), less than L / 80 then. There are none where the shape is nearest at an end; of a mesh with several bumps
-under one edge those are found that the middle leads to.
+A round shape that turns by less than 2 TURN along an edge has no such places nearer than the edge's ends, and is met by these
+alone: strands are curves, which their points hold, and chords sink by L^2 / (8 R), less than L / 80 then. There are none where
+the shape is nearest at an end; of a mesh with several bumps under one edge those are found that the middle leads to.
 
 As an edge turns a place moves along it, to where s is what it asks for again, and phi changes as at y = u - s / (s' + GIVE),
 towards the other place: the corner itself where that is sharp, and on what is round the nearest place, for both. Forces are

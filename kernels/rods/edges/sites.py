@@ -1,10 +1,29 @@
-"""Places of an edge in all colliders, as forces on its two points (kernels/rods/edges/inside.py)."""
+"""Places of an edge in all colliders, as forces on its two points: the law and its stiffness are those of
+kernels/rods/edges/inside.py."""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: UP018
 
 from typing import Any
 
 import warp as wp
 
-from wsim.kernels.rods.contact import Side
+from wsim.kernels.rods.contact import (
+    CLEAR,
+    FIRM,
+    SOFT,
+    STIFF,
+    Colliders,
+    Side,
+    Touch,
+    bound,
+    forget,
+    press,
+    pressed,
+    rub,
+)
+from wsim.kernels.rods.edges.flanks import Flank
+from wsim.kernels.rods.tables import Motion, Strands, Trial
 
 
 @wp.struct
@@ -122,3 +141,83 @@ class Faced:
     second: Site
     pair: Pair
     now: int
+
+
+@wp.func
+def stiffness(S: Strands, hh: wp.float64, y: wp.float64, i: int, k: int):
+    """k of kernels/rods/contact.py at a place of an edge [N/m]."""
+    return wp.max(STIFF * between(y, S.m[i, k], S.m[i + 1, k]) / hh, FIRM * S.A[i, k])
+
+
+@wp.func
+def meet(C: Colliders, S: Strands, Q: Motion, T: Trial, to: Site, at: Flank, E: Edge, c: int):
+    """The site with a place in a collider."""
+    i = E.i
+    k = E.k
+    now = E.at
+    zero = wp.float64(0.0)
+    y = at.y
+    r = between(y, S.radius[i, k], S.radius[i + 1, k])
+    deep = beneath(at.phi, E.ends, r + C.thick[c], SOFT * r)
+    N, slope = press(stiffness(S, E.hh, y, i, k), SOFT * r, deep)
+    if N > to.N or (to.N == zero and deep > to.side.deep):
+        x = between(y, T.x[i, k], T.x[i + 1, k])
+        q = at.before + wp.transform_vector(C.back[now + 1, c], T.x[i + 1, k] - T.x[i, k]) * (y - at.u)
+        n = wp.transform_vector(C.frame[now + 1, c], at.n)
+        to.y = y
+        to.slope = at.slope
+        to.side.c = c
+        to.side.n = n
+        to.side.deep = deep
+        to.side.slid = (x - between(y, Q.x[i, k], Q.x[i + 1, k])) - (
+            x + S.origin[k] - wp.transform_point(C.frame[now, c], q))
+        to.side.hit = wp.vec4d(n[0] * slope, n[1] * slope, n[2] * slope, N)
+        to.N = N
+    return to, N, slope
+
+
+@wp.func
+def end(C: Colliders, S: Strands, Q: Motion, T: Trial, found: Inside, to: Site, E: Edge, which: int):
+    """The edge with what lasts of a site, and friction with the collider that it is deepest in."""
+    i = E.i
+    k = E.k
+    zero = wp.float64(0.0)
+    row = T.x.shape[0] * (1 + which) + i
+    N = to.N
+    t = Touch()
+    t.N = N
+    y = to.y
+    n = to.side.n
+    stick = Q.stick1[i, k]
+    before = Q.load1[i, k]
+    if which == 1:
+        stick = Q.stick2[i, k]
+        before = Q.load2[i, k]
+    s = stick + to.side.slid
+    lean = wp.vec3d()
+    stiff = stiffness(S, E.hh, y, i, k)
+    if T.hit:
+        if to.slope == zero:
+            forget(T, row, k)
+        t, N = pressed(T, t, to.side, stiff, SOFT * between(y, S.radius[i, k], S.radius[i + 1, k]), row, k)
+        lean = T.lean[row, k]
+        T.slip[row, k] = (s - n * wp.dot(n, s)) * wp.where(N > zero, wp.float64(1.0), zero)
+    if N > zero:
+        found = roll(found, n, T.x[i + 1, k] - T.x[i, k], y, N, to.slope)
+        v = between(y, Q.v[i, k], Q.v[i + 1, k])
+        N = bound(before, between(y, S.m[i, k], S.m[i + 1, k]), v, S.gravity[k], n, N + to.more, E.hh)
+        t = rub(t, n, s, N, stiff, C.friction[to.side.c, k], lean)
+    T.bristle[row, k] = t.s
+    T.inside[row, k] = wp.vec3d(y, wp.max(to.N, zero) + to.more, wp.where(to.N > zero, to.side.deep, zero))
+    return spread(found, t.f, t.K, y)
+
+
+@wp.func
+def fill(T: Trial, had: int, i: int, k: int):
+    """Rows of an edge that has none yet: as `forget` leaves them, or as an iteration that found nothing."""
+    if T.hit:
+        for which in range(1, 3):
+            row = T.x.shape[0] * which + i
+            forget(T, row, k)
+            if had == CLEAR:
+                T.slip[row, k] = wp.vec3d()

@@ -1,12 +1,11 @@
 """Curves that make no sense: each mistake is an error with its path, its place and the name that its author wrote."""
 
-import time
-
 import numpy as np
 import pytest
 
 from tests.make.usda import Reader, errors
 from wsim.cli.inventory import inventory
+from wsim.kernels.rods.coupled import MOST
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.start import apart
 from wsim.scene import Box, Motion, Scene, SceneError, Sphere
@@ -136,16 +135,15 @@ def test_strands_thicker_than_their_spacing_are_told_with_the_width_that_does():
         Simulation(wide(100), device="cpu")
 
 
-def test_thirty_strands_in_one_another_are_stepped_within_seconds(monkeypatch):
+def test_thirty_strands_in_one_another_are_solved_with_whatever_room_there_is(monkeypatch):
     """Points had room for 48 of their 174 pairs, and solved with forces that were not mutual until Newton's method gave up: no
     frame in a minute. What room there is at first changes no bit."""
     found = []
     for room in (48, 256):
         monkeypatch.setattr("wsim.physics.rods.touch.ROOM", room)
         sim = Simulation(wide(30), device="cpu")
-        began = time.perf_counter()
         sim.run(2)
-        assert time.perf_counter() - began < 30.0                           # 10 s of them compile, where nothing is cached
+        assert sim.plan.method("rods").indicators(None, None)["rod_iterations"] < int(MOST)
         assert not [w for w in sim.warnings if "left corrections" in w]
         found.append(sim.positions("/strands"))
     assert np.array_equal(*found) and np.diff(found[0].reshape(30, 20, 3)[..., 2], axis=0).min() > 2e-3        # in order, apart
