@@ -4,7 +4,7 @@ A cell has ACROSS parts along each axis. Where the middle of a part is within a 
 there, with the velocity of the source: as many come as the flow makes room for. Near is, along every axis, less than
 1/2 - d / 2 cells, d being how far the source's velocity goes in a step: what flows off is then 1/2 - d / 2 to 1/2 + d / 2 cells
 apart, 1/2 on average. New ones are counted by cell, then put behind those that are there, in the order of cells: the same in
-every run.
+every run. A closed region takes no more than it holds (kernels/particles/rooms.py).
 
     strength    of each at the start and at the end of the frame; it acts while above 0
 """
@@ -37,6 +37,14 @@ def sources(real):
         strength: wp.array(dtype=t.vec2)
 
     return Sources
+
+
+@wp.struct
+class Coming:
+    offers: wp.array(dtype=int)            # particles that sources would put into each cell
+    first: wp.array(dtype=int)             # those that come, summed before each cell, (cells + 1,)
+    numbers: wp.array(dtype=int)           # rows that are used, id of the next particle
+    refused: wp.array(dtype=int)           # 1 of a source that gave less than it offered
 
 
 @cache
@@ -144,28 +152,31 @@ def offer(dim: int, kinds: tuple[str, ...], real, module):
 
 @cache
 def emit(dim: int, kinds: tuple[str, ...], affine: bool, real, module):
-    """Kernel over cells: the particles that come into each. numbers: rows that are used, id of the next one."""
+    """Kernel over cells: the particles that come into each, of those that were offered."""
     t, S, T, f, Sources = types(real), structs(real), tables(real), functions(dim, real), sources(real)
     middle, lacking = vacancies(dim, kinds, real)
     within = reach(dim, kinds, real)
 
     def emit(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
-             first: wp.array(dtype=int), numbers: wp.array(dtype=int), out: T.Particles):
+             coming: Coming, out: T.Particles):
         c = wp.tid()
-        if first[c + 1] > first[c]:
+        if coming.offers[c] > 0:
             i = f.place(c, g.n)
             bits = lacking(g, particles, cells, of, clock, i)
-            k = first[c]
+            k = coming.first[c]
             for m in range(wp.static(2 ** dim)):
                 if ((bits >> m) & 1) != 0:
-                    row = numbers[0] + k
-                    if row < out.id.shape[0]:
-                        x = middle(i, m)
+                    row = coming.numbers[0] + k
+                    x = middle(i, m)
+                    source = within(of, x, clock, 0)
+                    if k >= coming.first[c + 1]:
+                        coming.refused[source] = 1
+                    elif row < out.id.shape[0]:
                         out.x[row] = g.dx * x
-                        out.v[row] = of.velocity[within(of, x, clock, 0)]
+                        out.v[row] = of.velocity[source]
                         if wp.static(affine):
                             out.C[row] = t.mat33()
-                        out.id[row] = numbers[1] + k
+                        out.id[row] = coming.numbers[1] + k
                     k += 1
 
     name = f"particles_emit{'_affine' * affine}_{dim}d_{'_'.join(kinds)}_{types(real).name}"

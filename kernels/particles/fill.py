@@ -5,7 +5,9 @@
     phi     signed distance to the surface over dx, of a plane across an axis at s cells from the centre:
             f = 1/2 + s - s |s| / 2,  so  phi = -s = -sign(f - 1/2) (1 - sqrt(1 - 2 |f - 1/2|)),  kept within -1 .. 1
 
-An obstacle takes a part of that hat, the same function of its own signed distance; f is of what is left.
+An obstacle takes a part of that hat, the same function of its own signed distance; f is of what is left. The hat of a cell at a
+side of the grid ends there (kernels/particles/transfers.py), and what an obstacle takes of it is summed over the cells beside:
+a collider that lies against a side takes nothing.
 """
 
 # ruff: noqa: UP018
@@ -18,6 +20,7 @@ from wsim.kernels.fluid.grid import flat, functions, structs
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.sort import tables
 from wsim.kernels.particles.transfers import stencils
+from wsim.kernels.particles.volume import open_part
 
 LEAST = 0.1              # of a hat that obstacles leave: below it f is of this part
 
@@ -53,7 +56,38 @@ def hats(dim: int, real):
 def fill(dim: int, obstacles: bool, real, module):
     """Kernel over cells: f_out, phi_out. rest: weights of a full cell, of shape `nodes` the obstacles' distances phi [m]."""
     S, T, f = structs(real), tables(real), functions(dim, real)
-    hats_of = hats(dim, real)
+    hats_of, s, part_of = hats(dim, real), stencils(dim, real), open_part(dim, real)
+
+    @wp.func
+    def at_side(g: S.Grid, i: wp.vec3i):
+        found = bool(False)
+        for b in range(wp.static(dim)):
+            if g.periodic[b] == 0 and (i[b] == 0 or i[b] + 1 == g.n[b]):
+                found = bool(True)
+        return found
+
+    @wp.func
+    def left_at_side(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), i: wp.vec3i):
+        """As `left`, of a cell at a side, beyond which there is no part of its hat."""
+        sum = wp.float64(0.0)
+        count = int(wp.static(3 ** dim))
+        for m in range(count):
+            step = wp.vec3i(m % 3 - 1, (m // 3) % 3 - 1, (m // 9) % 3 - 1)
+            if wp.static(dim == 2):
+                step[2] = 0
+            weight = wp.float64(1.0)
+            for b in range(wp.static(dim)):
+                if step[b] == 0:
+                    sides = int(0)
+                    if g.periodic[b] == 0:
+                        sides = int(i[b] == 0) + int(i[b] + 1 == g.n[b])
+                    weight *= wp.float64(0.75) + wp.float64(0.125) * wp.float64(sides)
+                else:
+                    weight *= wp.float64(0.125)
+            j, _ = s.image(g, i + step)
+            if j[0] >= 0:
+                sum += weight * part_of(g.dx, shape, solid, j)
+        return wp.max(real(sum), real(LEAST))
 
     @wp.func
     def left(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), i: wp.vec3i):
@@ -62,8 +96,10 @@ def fill(dim: int, obstacles: bool, real, module):
         corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
         for m in range(corners):
             sum += solid[flat(i + wp.vec3i(m % 2, (m // 2) % 2, m // 4), shape)]
-        s = wp.clamp(sum / (real(wp.static(2 ** dim)) * g.dx), real(-1.0), real(1.0))
-        return wp.max(real(0.5) + s - real(0.5) * s * wp.abs(s), real(LEAST))
+        d = wp.clamp(sum / (real(wp.static(2 ** dim)) * g.dx), real(-1.0), real(1.0))
+        if d < real(1.0) and at_side(g, i):
+            return left_at_side(g, shape, solid, i)
+        return wp.max(real(0.5) + d - real(0.5) * d * wp.abs(d), real(LEAST))
 
     def fill(g: S.Grid, particles: T.Particles, cells: T.Cells, rest: real, shape: wp.vec3i, solid: wp.array(dtype=real),
              f_out: wp.array(dtype=real), phi_out: wp.array(dtype=real)):
@@ -72,8 +108,8 @@ def fill(dim: int, obstacles: bool, real, module):
         part = hats_of(g, particles, cells, i) / rest
         if wp.static(obstacles):
             part = part / left(g, shape, solid, i)
-        s = real(1.0) - wp.sqrt(wp.max(real(1.0) - real(2.0) * wp.abs(part - real(0.5)), real(0.0)))
+        away = real(1.0) - wp.sqrt(wp.max(real(1.0) - real(2.0) * wp.abs(part - real(0.5)), real(0.0)))
         f_out[c] = part
-        phi_out[c] = wp.where(part > real(0.5), -s, s)
+        phi_out[c] = wp.where(part > real(0.5), -away, away)
 
     return wp.kernel(fill, name=f"particles_fill{'_obstacles' * obstacles}_{f.name}", module=module, enable_backward=False)

@@ -25,10 +25,10 @@ from wsim.physics.fluid.grid.obstacles import Obstacles
 from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.liquid.flow import Flow
-from wsim.physics.fluid.liquid.measure import free
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid
 from wsim.physics.fluid.liquid.order import Order
 from wsim.physics.fluid.liquid.surface import Surface
+from wsim.physics.fluid.liquid.volume import Volume
 
 SPREAD = 1e-2            # tolerance of the displacement: what it leaves the next step finds
 WAVE = 0.5               # [rad] of the shortest wave of the surface in a step: pressure is of the surface as the step began, so
@@ -41,7 +41,7 @@ THREADS = 1 << 14        # that look for the fastest particle
 
 class Domain:
     """particles: `Particles` of the state. afloat: makes what moves the bodies among the obstacles, of this and them.
-    words: of the frame's status: solves, missed, steps, room."""
+    words: of the frame's status: solves, missed, steps, room, volume."""
 
     def __init__(self, threads: Threads, liquid: Liquid, world: int, obstacles: list, sources: list, particles: Any,
                  numbers: wp.array, afloat: Any = None):
@@ -59,7 +59,9 @@ class Domain:
         self.mass, self.known = ([threads.zeros(n, dtype) for n in self.sizes] for dtype in (real, int))
         self.phi, self.full = threads.zeros(layout.cells), threads.zeros(layout.cells)
         self.order = Order(threads, layout, self.grid, liquid.transfer == "apic", particles.id.shape[0])
-        self.flow = Flow(threads, layout, self.grid, liquid, sources, self.order, numbers) if sources else None
+        self.flow = (Flow(threads, layout, self.grid, liquid, sources, self.order, numbers, self.obstacles) if sources
+                     else None)
+        self.volume = Volume(threads, layout, self.grid, self.obstacles)
         self.floating: Any = afloat(self, self.obstacles) if afloat else None
         self.surface = Surface(threads, layout, self.grid, self.obstacles, self.phi, self.full, self.words)
         if self.floating:
@@ -110,6 +112,8 @@ class Domain:
         """Prepares the first frame, once kernels are there: obstacles that stand."""
         if self.obstacles and not self.obstacles.moving:
             self.obstacles.update()
+        if self.flow and self.flow.rooms:
+            self.flow.rooms.find()
 
     @property
     def launches(self) -> int:
@@ -122,11 +126,6 @@ class Domain:
     def layers(self) -> int:
         """Number of layers of faces beyond the liquid that velocities are extended to."""
         return ceil(self.liquid.cfl) + MARGIN
-
-    @property
-    def free(self) -> Any:
-        """Part of each cell that bodies and other obstacles leave now; 1 where no body is."""
-        return free(self.obstacles.phi.numpy().reshape(self.layout.nodes()), self.liquid.cell) if self.floating else 1.0
 
     # a frame
 
@@ -146,6 +145,7 @@ class Domain:
         threads.over(self.begin, 1, [self.speed, threads.model.real(dt), threads.model.real(liquid.cfl * liquid.cell), least,
                                      most], [self.clock, self.going, self.words["steps"]])
         wp.capture_while(self.going, self._step)
+        self.volume.measure(self.full, self.order, self.words["volume"])
         if self.floating:
             self.floating.give(self.clock)
 

@@ -13,13 +13,15 @@ from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
 from wsim.physics.fluid.liquid.order import Order
+from wsim.physics.fluid.liquid.rooms import Rooms
 
 
 class Flow:
-    """numbers: rows that are used and the id of the next particle, of the state."""
+    """numbers: rows that are used and the id of the next particle, of the state. coming.refused: word of a frame
+    for each source, 1 where a closed region had no room for what it gives."""
 
     def __init__(self, threads: Threads, layout: Layout, grid: Any, liquid: Liquid, sources: list[LiquidSource], order: Order,
-                 numbers: wp.array):
+                 numbers: wp.array, obstacles: Any):
         real, module, dim, model = threads.model.real, threads.module, layout.dim, threads.model
         self.threads, self.grid, self.sources, self.order, self.numbers = threads, grid, sources, order, numbers
         self.shapes = Shapes(model, sources, liquid.low, layout.axes, liquid.cell, False)
@@ -37,7 +39,10 @@ class Flow:
         what = np.array([emission.SINK * (s.role == "sink") for s in sources], np.int32)
         self.table = filled(emission.sources(real), shapes=self.shapes.table, what=model.upload(what, int),
                             velocity=model.upload(velocity, types(real).vec3), strength=threads.zeros(n, types(real).vec2))
-        self.first = threads.zeros(layout.cells + 1, int)
+        self.first, self.offers = threads.zeros(layout.cells + 1, int), threads.zeros(layout.cells, int)
+        closed = self.gives and (obstacles is not None or layout.sealed)
+        self.rooms = Rooms(threads, layout, grid, obstacles) if closed else None
+        self.coming = filled(emission.Coming, offers=self.offers, first=self.first, numbers=numbers)
 
     def pose(self, time: float, dt: float) -> None:
         """A frame begins at `time` [s]."""
@@ -57,8 +62,11 @@ class Flow:
         order.sort(particles)
         if self.offer:
             inputs = [self.grid, particles, order.cells, self.table, clock]
-            over(self.offer, order.size, inputs, [order.count])
-            order.scan(order.count, self.first)
-            over(self.emit, order.size, [*inputs, self.first, self.numbers], [particles])
+            over(self.offer, order.size, inputs, [self.offers])
+            if self.rooms:
+                self.rooms.limit(self.offers, order, self.first)
+            else:
+                order.scan(self.offers, self.first)
+            over(self.emit, order.size, [*inputs, self.coming], [particles])
             over(self.come, 1, [self.first, order.size, order.room], [self.numbers, wanted])
             order.sort(particles)

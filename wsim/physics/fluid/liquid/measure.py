@@ -5,6 +5,9 @@ import numpy as np
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid
 from wsim.scene.samples import DROPS, Particles
 
+CHANGED = 0.05             # part of its volume that a liquid may lose or gain; flows that are resolved change it by 0.02
+LEAST = 64.0               # cells of liquid, of fewer the grid does not know the volume that well
+
 
 def width(liquid: Liquid) -> float:
     """Diameter of a ball with the volume that a particle has at rest [m]."""
@@ -22,21 +25,22 @@ def sample(liquid: Liquid, particles: dict[str, np.ndarray]) -> Particles:
     return Particles(liquid.path + DROPS, x, np.full(len(x), width(liquid)), particles["id"], particles["v"])
 
 
-def free(solid: np.ndarray, cell: float) -> np.ndarray:
-    """Part of each cell that obstacles leave, (cells,), of their signed distances at the nodes [m]; exact of planes across an
-    axis."""
-    for a in [a for a, n in enumerate(solid.shape) if n > 1]:
-        solid = 0.5 * (np.delete(solid, 0, a) + np.delete(solid, -1, a))
-    return np.clip(0.5 + solid.astype(np.float64) / cell, 0.0, 1.0).ravel()
-
-
-def measures(liquid: Liquid, particles: dict[str, np.ndarray], gravity: np.ndarray, phi: np.ndarray | None,
-             part: np.ndarray | float = 1.0) -> dict[str, float]:
-    """Kinetic energy and that in gravity [J], greatest speed [m/s], particles; of the distances phi of the cells' centres to
-    the surface, in cells, the volume within it [m^3], exact of planes across an axis. part: of each cell that counts."""
+def measures(liquid: Liquid, particles: dict[str, np.ndarray], gravity: np.ndarray, volume: float | None) -> dict[str, float]:
+    """Kinetic energy and that in gravity [J], greatest speed [m/s], particles; volume [cells] in m^3, where it is known."""
     x, v, m = particles["x"], particles["v"], mass(liquid)
     found = {"liquid_energy": float(m * (0.5 * np.sum(v ** 2) - np.sum(x @ gravity))),
              "liquid_speed": float(np.sqrt(np.max(np.sum(v ** 2, axis=1), initial=0.0))), "liquid_particles": float(len(x))}
-    if phi is not None:
-        found["liquid_volume"] = float(np.sum(part * np.clip(0.5 - phi.astype(np.float64), 0.0, 1.0)) * liquid.cell ** 3)
-    return found
+    return found if volume is None else found | {"liquid_volume": volume * liquid.cell ** 3}
+
+
+def volume_error(volume: float, held: float) -> float:
+    """Part of the volume of its particles, `held`, that a liquid has gained, or lost (below 0); volumes [cells]. Particles come
+    and go by sources, sinks and open sides alone."""
+    return volume / held - 1.0 if held >= LEAST else 0.0
+
+
+def volume_change(liquid: Liquid, error: float) -> str:
+    """Text of a warning of that error, with a place for its size in percent."""
+    fix = (f"wsim:liquid:cfl {0.5 * liquid.cfl:g}, or smaller cells" + (", or room where walls close in" if error < 0.0 else "")
+           if liquid.volume else "wsim:liquid:keepVolume 1")
+    return f"{liquid.path}: its liquid {'lost' if error < 0.0 else 'gained'} {{worst}} % of its volume; give {fix}"

@@ -15,7 +15,7 @@ from wsim.physics.fluid.grid.shapes import kinds
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.liquid import memory
 from wsim.physics.fluid.liquid.domain import Domain
-from wsim.physics.fluid.liquid.measure import measures, sample
+from wsim.physics.fluid.liquid.measure import CHANGED, measures, sample, volume_change, volume_error
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
 from wsim.physics.fluid.liquid.seeds import filling, seeds
 from wsim.physics.fluid.shells import sheets, shells
@@ -25,7 +25,8 @@ FIELDS = (Field("x", "m", True, "from the low corner, along the axes of the grid
 AFFINE = Field("C", "1/s", True, "rows: gradient of each component of v", "mat33")
 ID = Field("id", "1", True, "stays with a particle; below 0: there is none", "int")
 NUMBERS = Field("numbers", "1", True, "rows that are used, the next id", "int")
-WORDS = {"solves": 2, "missed": 1, "steps": 1, "room": 1}
+WORDS = {"solves": 2, "missed": 1, "steps": 1, "room": 1, "volume": 2}
+REFUSED = "liquid: refused"
 SPARE = 1 << 13          # rows more than particles at the start, where there are sources; a frame that lacks some is repeated
 
 
@@ -59,6 +60,7 @@ class Liquids(Method):
         for name, count in WORDS.items():
             b.status.reserve(f"liquid: {name}", count * len(self.pairs))
         self.domains = [self._domain(k) for k in range(len(self.pairs))]
+        b.status.reserve(REFUSED, sum(len(d.flow.sources) for d in self.domains if d.flow))
         self.settled = False
         count = sum(part.count for part in self.parts)
         cells = sum(liquid.cells for liquid, _ in self.pairs)
@@ -112,6 +114,10 @@ class Liquids(Method):
                 for name, count in WORDS.items():
                     domain.words[name] = self.status.word(f"liquid: {name}")[count * j:count * (j + 1)]
                 domain.settle()
+            first = 0
+            for flow in (d.flow for d in self.domains if d.flow):
+                flow.coming.refused = self.status.word(REFUSED)[first:first + len(flow.sources)]
+                first += len(flow.sources)
             self.settled = True
         for domain in self.domains:
             domain.weigh(self.gravity[domain.world], clock.dt)
@@ -153,9 +159,19 @@ class Liquids(Method):
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         missed = status.said("liquid: missed")
-        return [(("liquid", domain.liquid.path, domain.world), float(n),
-                 f"{domain.liquid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, "
-                 "or float64") for domain, n in zip(self.domains, missed, strict=True) if n]
+        found = [(("liquid", domain.liquid.path, domain.world), float(n),
+                  f"{domain.liquid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, "
+                  "or float64") for domain, n in zip(self.domains, missed, strict=True) if n]
+        given = [(s, d) for d in self.domains if d.flow for s in d.flow.sources]
+        for domain, (volume, held) in zip(self.domains, status.said("liquid: volume").reshape(-1, 2), strict=True):
+            error = volume_error(float(volume) / 8.0, float(held) / 8.0)
+            if abs(error) > CHANGED:
+                found.append((("liquid: volume", error < 0.0, domain.liquid.path, domain.world), 100.0 * abs(error),
+                              volume_change(domain.liquid, error)))
+        return found + [((REFUSED, source.path, domain.liquid.path, domain.world), 1.0,
+                         f"{source.path} stopped: the part of {domain.liquid.path} that it fills is closed and full; give that "
+                         "an open side or a sink, or end the strength of the source")
+                        for (source, domain), no in zip(given, status.said(REFUSED), strict=False) if no]
 
     # what is told and set
 
@@ -180,9 +196,8 @@ class Liquids(Method):
         found: dict[str, float] = {}
         for k, domain in enumerate(self.domains):
             if domain.world == 0:
-                phi = domain.phi.numpy() if self.settled else None
-                of = (domain.liquid, self.particles(k), self.gravity[0], phi, domain.free if self.settled else 1.0)
-                for name, value in measures(*of).items():
+                volume = float(domain.volume.sums.numpy()[0, 0]) if self.settled else None
+                for name, value in measures(domain.liquid, self.particles(k), self.gravity[0], volume).items():
                     found[name] = max(found.get(name, 0.0), value) if name == "liquid_speed" else found.get(name, 0.0) + value
         said = {name: self.status.said(f"liquid: {name}") for name in WORDS}
         return found | {"liquid_iterations": float(said["solves"][1::2].max()), "liquid_steps": float(said["steps"].max())}
