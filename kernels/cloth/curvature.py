@@ -263,16 +263,20 @@ def stored(real, module):
 
 @cache
 def energy(real, module):
-    """Kernel over a fixed number of threads: E [J] of each thread's share of the triangles and hinges, in float64."""
+    """Kernel over a fixed number of threads, as many for each world: (0, 0, E [J]) of each thread's share of the triangles and
+    hinges, in float64."""
     Curvatures = curvatures(real)
 
-    def energy(cur: Curvatures, triangles: int, hinges: int, out: wp.array(dtype=wp.float64)):
+    def energy(cur: Curvatures, triangles: int, hinges: int, worlds: int, out: wp.array(dtype=wp.vec3d)):
+        lanes = out.shape[0] // worlds
+        world = wp.tid() // lanes
+        lane = wp.tid() % lanes
         sum = wp.float64(0.0)
-        for c in range(wp.tid(), triangles, out.shape[0]):
+        for c in range(world * (triangles // worlds) + lane, (world + 1) * (triangles // worlds), lanes):
             C = wp.vec3d(cur.C[c])
             sum += wp.float64(0.5) * wp.dot(C, C)
-        for e in range(wp.tid(), hinges, out.shape[0]):
+        for e in range(world * (hinges // worlds) + lane, (world + 1) * (hinges // worlds), lanes):
             sum += wp.float64(cur.kept[e])
-        out[wp.tid()] = sum
+        out[wp.tid()] = wp.vec3d(wp.float64(0.0), wp.float64(0.0), sum)
 
     return wp.kernel(energy, name="bending_energy", module=module, enable_backward=False)

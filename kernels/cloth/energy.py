@@ -17,8 +17,8 @@ from wsim.kernels.cloth.terms import variant
 def statistics(constraint: Constraint, *, real=wp.float32, module="unique", uniform: bool = False):
     """Kernel: largest strain, sum of squared strains and energy 1/2 C alpha^-1 C [J] of each thread's share.
 
-    Arguments: batch, x, count, d, out; launched over out, shape (threads,) of vec3d. Strain is C over the rest length,
-    or C itself: an angle [rad], strains of the membrane. Hard constraints store no energy.
+    Arguments: batch, x, count, worlds, d, out; launched over out, shape (threads,) of vec3d, as many threads for each world.
+    Strain is C over the rest length, or C itself: an angle [rad], strains of the membrane. Hard constraints store no energy.
     """
     o = variant(constraint, real, False, False, uniform)
     return wp.kernel(_statistics(o), name=f"statistics_{o.name}", module=module, enable_backward=False)
@@ -71,14 +71,17 @@ def _statistics(o):
     real, vec3, terms, place = o.t.scalar, o.t.vec3, o.terms, o.place
     size, square, energy = SIZE[o.rows], SQUARE[o.rows], ENERGY[o.rows]
 
-    def statistics(batch: o.Batch, x: wp.array(dtype=vec3), count: int, d: wp.array(dtype=vec3),
+    def statistics(batch: o.Batch, x: wp.array(dtype=vec3), count: int, worlds: int, d: wp.array(dtype=vec3),
                    out: wp.array(dtype=wp.vec3d)):
+        lanes = out.shape[0] // worlds
+        world = wp.tid() // lanes
+        each = count // worlds
         most = real(0.0)
         squares = wp.float64(0.0)
         stored = wp.float64(0.0)
         none = wp.static(o.value(0.0))
         rigid = wp.static(o.entry(0.0))
-        for c in range(wp.tid(), count, out.shape[0]):
+        for c in range(world * each + wp.tid() % lanes, (world + 1) * each, lanes):
             C, r, G, H, N = terms(batch.point[c], batch.rest[c], x, d, x, rigid, real(0.0), none)
             if wp.static(not o.unilateral):
                 stored += wp.float64(energy(C, batch.alpha[place(c)]))

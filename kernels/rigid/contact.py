@@ -79,6 +79,7 @@ def structs(real):
         p0: wp.array(dtype=t.vec3)             # momenta before the substep's forces
         L0: wp.array(dtype=t.vec3)
         touched: wp.array(dtype=int)
+        given: wp.array(dtype=wp.float64)      # to bodies: work of colliders that move, in the frame [J]
         listed: wp.array(dtype=int)            # (1,): how many manifolds there are, those that found no room with them
         order: wp.array(dtype=int)             # manifolds by colour
         starts: wp.array(dtype=int)            # of colours in `order`, and the end

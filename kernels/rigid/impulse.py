@@ -177,6 +177,11 @@ def formulas(real):
                 rig.now.p[g] = rig.now.p[g] - two.P
                 rig.now.L[g] = rig.now.L[g] + two.T_b
                 rig.work.touched[g] = 1
+            if rig.still.moving == 1:            # P . (v + omega x r) of the collider
+                if f < n and g >= n:
+                    rig.work.given[f] += wp.float64(wp.dot(two.P, two.v_b) - wp.dot(two.T_b, two.o_b))
+                if g < n and f >= n:
+                    rig.work.given[g] -= wp.float64(wp.dot(two.P, two.v_a) + wp.dot(two.T_a, two.o_a))
 
     @wp.func
     def slip(two: Two, j: int, rig: Rig):

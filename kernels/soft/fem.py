@@ -267,16 +267,20 @@ def energy_change(material: str, damped: bool, *, real, module):
 @cache
 def statistics(material: str, *, real, module):
     """Kernel over any number of threads: of each one's share of the tets the largest |E|, E = sym(R^T F) - 1, the sum of
-    |E|^2 V [m^3], and the energy [J], (threads,) vec3d. Arguments: tets, count, x, d, q, out."""
+    |E|^2 V [m^3], and the energy [J], (threads,) vec3d, as many threads for each world. Arguments: tets, count,
+    worlds, x, d, q, out."""
     t, Tets, row = types(real), elements(real), materials.TABLE[material]
     (gradient, _), energy = displaced(real, wp.float64), row.energy
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def statistics(tets: Tets, count: int, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec3d)):
+    def statistics(tets: Tets, count: int, worlds: int, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec3d)):
+        lanes = out.shape[0] // worlds
+        world = wp.tid() // lanes
+        each = count // worlds
         most = wp.float64(0.0)
         squares = wp.float64(0.0)
         stored = wp.float64(0.0)
-        for c in range(wp.tid(), count, out.shape[0]):
+        for c in range(world * each + wp.tid() % lanes, (world + 1) * each, lanes):
             H = gradient(tets, c, x, d)
             now = wp.normalize(D.quat(rotation(t.mat33(H), q[c])))
             E = strain(H, now)

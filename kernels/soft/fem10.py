@@ -189,11 +189,14 @@ def statistics(material: str, *, real, module):
     (slopes, moved, _), energy = displaced(real, wp.float64), row.energy
     vec3, quat = wp.array(dtype=t.vec3), wp.array(dtype=t.quat)
 
-    def statistics(tets: Tets, count: int, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec3d)):
+    def statistics(tets: Tets, count: int, worlds: int, x: vec3, d: vec3, q: quat, out: wp.array(dtype=wp.vec3d)):
+        lanes = out.shape[0] // worlds
+        world = wp.tid() // lanes
+        each = count // worlds
         most = wp.float64(0.0)
         squares = wp.float64(0.0)
         stored = wp.float64(0.0)
-        for k in range(wp.tid(), 4 * count, out.shape[0]):
+        for k in range(4 * world * each + wp.tid() % lanes, 4 * (world + 1) * each, lanes):
             c = k // 4
             H = gradient(moved(tets, c, x, d), slopes(tets, c, k - 4 * c), tets.point.shape[1])
             now = wp.normalize(D.quat(rotation(t.mat33(H), q[k])))

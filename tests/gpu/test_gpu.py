@@ -135,7 +135,7 @@ def test_more_contacts_than_room_repeat_the_frame():
         scene.collider(f"/ball{k}", Sphere(0.3), at=(0.05, -0.3, 0.0))
     sim = Simulation(scene, device="cuda:0")
     sim.run(5)
-    assert any("repeated" in w for w in sim.warnings)
+    assert any("repeated" in w for w in sim.repeats)
 
 
 def test_worlds_live_parameters_and_arrays_on_the_device():

@@ -54,7 +54,7 @@ def test_it_turns_as_its_closed_form_says_alone_and_beside_cloth(cloth):
     sim.run(8)
     for wheel in (FAST, SLOW):
         assert abs(turned(sim, wheel) - angle(wheel, 8 / 24.0)) < 1e-11
-    (said,) = [w for w in sim.warnings if "turned" in w]
+    (said,) = [w for w in sim.repeats if "turned" in w]
     assert "the frame was repeated" in said
     if cloth:
         alone = wheels(True)

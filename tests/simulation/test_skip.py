@@ -72,6 +72,9 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("physics.motion", "points overstretch stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")
        | room("kernels", "math.real motion.points cloth.spring"))
+CHECKS = (room("simulation.measure.checks", "balance terms reasons") | room("kernels.math", "ledger point_energy")
+          | room("kernels", "cloth.energy cloth.constraint cloth.terms") | {"wsim.physics.cloth.table"}
+          | {"wsim.model.compiler.parallel"})
 XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature cloth.table")
         | room("kernels", "solver.xpbd math.matrix math.block") | room("kernels.cloth", "terms constraint curvature element"))
 PINNED = {"wsim.physics.motion.pins"}
@@ -91,11 +94,11 @@ SLIVERS = room("physics.fused", "stiff_few")                   # with whose mass
 MANY = room("scene.check", "slivers")                          # a look for triangles that make steps many
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
 MODULES = {
-    "hanging_cloth": SCENE | RUN | WEIGHED | LEAP | WHOLE | PINNED | MANY,
-    "flag": SCENE | RUN | WEIGHED | LEAP | FUSED | AERO | PINNED,
-    "cape": SCENE | RUN | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY,
-    "tablecloth": SCENE | RUN | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE,
-    "shirt": SCENE | RUN | WEIGHED | XPBD | CONTACT | OUTLINE | SLIVERS | room("kernels", "math.face")
+    "hanging_cloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | WHOLE | PINNED | MANY,
+    "flag": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | PINNED,
+    "cape": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY,
+    "tablecloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE,
+    "shirt": SCENE | RUN | CHECKS | WEIGHED | XPBD | CONTACT | OUTLINE | SLIVERS | room("kernels", "math.face")
     | room("geometry", "tetra.lattice"),           # distances of its dummy's triangles; what starts inside
 }
 scenes = pytest.mark.parametrize("name", KERNELS)
@@ -149,6 +152,7 @@ def test_no_adjoint_is_compiled(name):
 def test_methods_arrays_and_reasons_agree(name):
     found = stepped(name)
     wanted = {"points", "explicit"} if "march" in KERNELS[name] else {"points", "xpbd", "watch"}
+    wanted |= {"balance"}
     wanted |= {"pins"} if MODULES[name] >= PINNED else set()
     wanted |= {"aero"} if KERNELS[name] >= AIR else set()
     wanted |= {"contact"} if "contact" in KERNELS[name] else set()
@@ -159,12 +163,15 @@ def test_methods_arrays_and_reasons_agree(name):
     assert ("a" in found["fields"]) == bool({"contact", "aero"} & wanted) and not {"s", "u"} & set(found["fields"])
 
 
-def test_an_empty_cache_ends_with_one_module_and_nothing_else(tmp_path):
-    """Sources that Warp wrote: one module, a forward function for each kernel, no backward one."""
+def test_an_empty_cache_ends_with_one_module_and_those_of_the_balance(tmp_path):
+    """Sources that Warp wrote: one module of the scene, a forward function for each kernel, no backward one. Those of the
+    energy balance are of no scene, and are made once for all."""
     (found,) = step(ROOT / "scenes" / "hanging_cloth.usda", WARP_CACHE_PATH=str(tmp_path))
-    (source,) = tmp_path.rglob("wp_wsim_*.cpp")
+    every = {p.parent.name: p for p in tmp_path.rglob("wp_wsim_*.cpp")}
+    of_all = {name for name in every if name.startswith(("wp_wsim_ledger", "wp_wsim_balance", "wp_wsim_report"))}
     compiled = {p.parent.name for p in tmp_path.rglob("*.o")} | {p.parent.name for p in tmp_path.rglob("*.cpp")}
-    assert compiled == {source.parent.name}
+    assert compiled == every.keys() and len(of_all) == 4          # the ledger, points, membranes, hinges
+    (source,) = (path for name, path in every.items() if name not in of_all)
     text = source.read_text()
     forward = re.findall(r"static void (\w+?)_[0-9a-f]+_cpu_kernel_forward\(", text)
     assert sorted(subject(k) for k in forward) == sorted(KERNELS["hanging_cloth"]) and len(found["kernels"]) == len(forward)

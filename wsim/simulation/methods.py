@@ -137,6 +137,18 @@ def built(row: Row, b: Build) -> Method | None:
     return (import_module(row.folder) if not row.owns else row.role("method")).build(b)
 
 
+def watched(b: Build) -> None:
+    """Adds the methods that watch over what the others do: what stops being a number, and energy that comes from nowhere. A
+    simulation with gradients is not repeated, and has no balance."""
+    others = [part for part in b.state.parts.values() if part.name != "points"]
+    if others:
+        from wsim.model.guard import Guard
+        b.methods.append(Guard(b.model, others, b.status))
+    if not b.model.gradients:
+        from wsim.simulation.measure.checks import balance
+        b.methods += filter(None, [balance.build(b)])
+
+
 # what is no method of its own, and why it is left out where it is
 PARTS: list[tuple[str, str, Callable[[Build], bool]]] = [
     ("history", "backward Euler needs no earlier step", lambda b: b.clock.integrator.memory > 0.0),

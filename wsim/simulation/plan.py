@@ -28,7 +28,7 @@ from wsim.scene.methods import METHODS
 from wsim.scene.nodal.separate import apart
 from wsim.simulation import cost
 from wsim.simulation.choice import Choice, choose
-from wsim.simulation.methods import PARTS, Build, built, needed, signature
+from wsim.simulation.methods import PARTS, Build, built, needed, signature, watched
 
 LAUNCH = 5.5e3           # [B] of a launch of the table in a graph of a CPU: crossed cloths, 84 of them in a substep
 SMALL = 1 << 28          # bytes of a graph, for which there is room
@@ -214,10 +214,7 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
         made = built(row, b) if b.reasons[row.name] else None
         if made:
             b.methods.append(made)
-    others = [part for part in b.state.parts.values() if part.name != "points"]
-    if others:
-        from wsim.model.guard import Guard
-        b.methods.append(Guard(model, others, b.status))
+    watched(b)
     for method in b.methods:
         method.meet(b.methods)
     b.status.allocate()

@@ -29,9 +29,9 @@ def text(report: dict, verbose: bool = False) -> str:
     """Text of what ran, how fast, how wrong, what to look at; verbose: also each stage and what was left out. Missing keys
     leave out their line."""
     held = [f"limits    {report['limits']}"] if report.get("limits") else []
-    more = [*_stages(report), *_left_out(report)] if verbose else []
-    return "\n".join([*_what(report), *_forms(report), *_speed(report), *_error(report), *held, *kept(report.get("kept", [])),
-                      *more, *_warnings(report)])
+    more = [*_stages(report), *_left_out(report), *(f"repeated  {w}" for w in report.get("repeats", [])[1:])]
+    return "\n".join([*_what(report), *_forms(report), *_speed(report), *_error(report), *_balance(report), *held,
+                      *kept(report.get("kept", [])), *more * verbose, *_warnings(report)])
 
 
 def _what(report: dict) -> list[str]:
@@ -115,6 +115,20 @@ def _forms(report: dict) -> list[str]:
     said = report.get("forms")
     return [f"frames    {said['free']} without contacts, {said['met']} with them, {said['repeated']} tried without them first"
             ] if said else []
+
+
+def _balance(report: dict) -> list[str]:
+    """The energy balance, and how many frames were repeated for something that asks nothing of anybody."""
+    said, repeats = report.get("balance"), report.get("repeats", [])
+    lines = []
+    if said and said["frames"]:
+        opened = ", ".join(f"{n} left open ({why})" for why, n in said["left_open"].items())
+        whole = all(n < said["frames"] for n in said["left_open"].values())
+        rose = f"energy rose by at most {100.0 * said['rise']:.2g} % of the largest kinetic energy"
+        lines.append(f"balance   {'; '.join(filter(None, [rose * whole, opened]))} of {said['frames']} frames")
+    if repeats:
+        lines.append(f"repeated  {repeats[0]}" + f", and {len(repeats) - 1} more" * (len(repeats) > 1))
+    return lines
 
 
 def _left_out(report: dict) -> list[str]:

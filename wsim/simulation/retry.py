@@ -59,8 +59,18 @@ def settle(sim: Simulation) -> None:
 def mend(sim: Simulation) -> bool:
     """True if the frame must be repeated, after making it possible: each method says what its words of the status ask for."""
     said = [remedy for method in sim.plan.methods for remedy in method.retry(sim.plan.status)]
-    if not said:
+    checks = [remedy for remedy in said if remedy.kind == "check"]
+    said = [remedy for remedy in said if remedy.kind != "check"]
+    if said and _mend(sim, said):
+        return True
+    if not checks:
         return False
+    from wsim.simulation.measure.checks.rise import raise_substeps
+    return raise_substeps(sim, checks)
+
+
+def _mend(sim: Simulation, said: list[Remedy]) -> bool:
+    """`mend` of what keeps a frame from being whole."""
     kinds = {remedy.kind for remedy in said}
     if "room" in kinds:                                   # a frame without some of its contacts says nothing else
         _grow(sim, said, "room")
@@ -92,7 +102,7 @@ def mend(sim: Simulation) -> bool:
 def _grow(sim: Simulation, said: list[Remedy], kind: str) -> list[str]:
     """Makes room for what had none; what was lacking, in words."""
     grown = [text for remedy in said if remedy.kind == kind and remedy.act and (text := remedy.act())]
-    sim.warnings += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text in grown]
+    sim.repeats += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text in grown]
     return grown
 
 

@@ -76,6 +76,7 @@ class Simulation:
             self.scene = self.scene.single()
         self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first
         self.notes: dict[tuple, Note] = {}     # frames that were beyond a bound, see `wsim.simulation.measure.exceeded`
+        self.repeats: list[str] = []           # why frames were repeated, where that asks nothing of anybody
         self.lost: dict[int, int] = {}         # worlds that were taken out, each with the frame in which it broke
         self.changes: list[tuple] = []         # live parameters that were set, for another plan of the same scene
         self.headroom: Any = None              # `wsim.simulation.headroom.Headroom`, once explicit steps are asked for it

@@ -66,7 +66,7 @@ def test_a_list_that_was_too_short_grows_and_the_frame_is_repeated_to_the_bit(wa
         sim = Simulation(thrown(), **CPU)
         sim.run(8)
         ends.append((sim.positions(), sim.state.parts["balls"].arrays["x"].numpy()))
-        said = [w for w in sim.warnings if "pairs were in contact" in w]
+        said = [w for w in sim.repeats if "pairs were in contact" in w]
         assert bool(said) == (room == 8) and all("the frame was repeated" in w for w in said)
         assert ("pairs of balls" in sim.state.parts) == warm
     assert np.array_equal(ends[0][0], ends[1][0]) and np.array_equal(ends[0][1], ends[1][1])

@@ -199,7 +199,7 @@ def test_nothing_is_read_of_a_pair_that_was_not_looked_at(solver):
                 array = getattr(near.pairs, name)
                 array.assign(np.full_like(array.numpy(), fill))
         sim.run(3)
-        assert not any("was room for" in text for text in sim.warnings)
+        assert not any("was room for" in text for text in sim.repeats)
         found.append(np.concatenate([rods.points(0)[0], sim.positions("/cloth")]))
     assert np.array_equal(*found) and np.isfinite(found[0]).all()
 
@@ -232,7 +232,7 @@ def test_nothing_of_it_is_built_where_one_side_says_nothing():
         scene.cloths[0].self_collision = on
         sim = Simulation(scene, device="cpu")
         assert sim.plan.method("rods").among is None and not any("among" in name for name in sim.model.modules)
-        assert any("strands pass through /cloth" in text for text in sim.warnings)
+        assert any("strands pass through /cloth" in text for text in sim.repeats)
 
 
 @pytest.mark.parametrize("solver", ["explicit", "implicit"])
@@ -264,7 +264,7 @@ def test_a_rope_that_starts_through_a_cloth_is_told_with_its_place():
     before = crossed(sim)
     sim.run(3)
     told = f"{before} edges of rods go through triangles where they start, such as /rope and /cloth at ("
-    assert before > 0 and any(told in text for text in sim.warnings)
+    assert before > 0 and any(told in text for text in sim.repeats)
     assert np.isfinite(sim.plan.method("rods").points(0)[0]).all()
 
 

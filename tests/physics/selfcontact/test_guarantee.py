@@ -92,7 +92,7 @@ def test_a_list_without_room_is_made_again_though_one_for_a_proof_follows(monkey
         places.append(sim.positions())
         assert (sim.plan.method("selfcontact").near.pairs.capacity > room) == (each == 1)
     assert said(sim)["searches"] > 15.0 and np.array_equal(*places)
-    assert lists[0] == 1 and len(lists) == sum("there was room for" in w for w in sim.warnings)
+    assert lists[0] == 1 and len(lists) == sum("there was room for" in w for w in sim.repeats)
 
 
 def test_a_first_list_finds_room_before_its_frame_is_recorded(monkeypatch):
@@ -103,7 +103,7 @@ def test_a_first_list_finds_room_before_its_frame_is_recorded(monkeypatch):
         room = sim.plan.method("selfcontact").near.pairs.capacity
         sim.step()
         places.append(sim.positions("/layer1"))
-        assert not [w for w in sim.warnings if "there was room for" in w]
+        assert not [w for w in sim.repeats if "there was room for" in w]
         assert (sim.plan.method("selfcontact").near.pairs.capacity > room) == (each == 1)
     assert np.array_equal(*places)
 
@@ -236,7 +236,7 @@ def test_auto_takes_the_substeps_that_sheets_meet_in():
     sim.step()
     edge, taken = sim.plan.method("selfcontact").surfaces.edge, sim.plan.clock.substeps
     assert before < taken and 60.0 / (60.0 * taken) <= 0.5 * edge * 1.02 and not told_fast(sim)
-    assert [w for w in sim.warnings if f"{taken} substeps instead of {before} from here on; the frame was repeated" in w]
+    assert [w for w in sim.repeats if f"{taken} substeps instead of {before} from here on; the frame was repeated" in w]
 
 
 @pytest.mark.parametrize("gap", [1e-7, 3e-7])

@@ -248,7 +248,7 @@ def measured(problem, name, threads=3, **options):
     """(largest strain, sum of squared strains, energy) by the kernel, reduced on the host."""
     out = wp.zeros(threads, dtype=wp.vec3d, device="cpu")
     wp.launch(statistics(EQUATIONS[name], real=problem.real, **options), threads,
-              [problem.batch, problem.x, problem.m, problem.d], [out], device="cpu")
+              [problem.batch, problem.x, problem.m, 1, problem.d], [out], device="cpu")
     s = out.numpy()
     return s[:, 0].max(), s[:, 1].sum(), s[:, 2].sum()
 

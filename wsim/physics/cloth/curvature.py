@@ -125,15 +125,19 @@ class Curvature:
 
     def energy(self, table, rest: wp.array, x: wp.array, d: wp.array, module: str) -> float:
         """[J] at x + d. table: struct of the hinges' points and compliances; rest: their angles at rest."""
-        launch = self.model.launch
         self.room()
-        out = wp.zeros(min(LANES, self.triangles), dtype=wp.float64, device=self.model.device)
-        stored, sums, energy = self.energy_kernels(module)
-        kernel_cache.ready(energy, self.model)
+        out = wp.zeros(min(LANES, self.triangles), dtype=wp.vec3d, device=self.model.device)
+        kernels_of = self.energy_kernels(module)
+        kernel_cache.ready(kernels_of[-1], self.model)
+        self.sum_energy(kernels_of, table, rest, x, d, out, 1)
+        return float(out.numpy()[:, 2].sum())
+
+    def sum_energy(self, kernels_of: list, table, rest: wp.array, x: wp.array, d: wp.array, out: wp.array, worlds: int) -> None:
+        """Launches the sums of `energy` into out (threads,), as many for each world."""
+        launch, (stored, sums, energy) = self.model.launch, kernels_of
         launch(stored, self.hinges, [table, rest, x, d, self.data], [])
         launch(sums, self.triangles, [self.data], [])
-        launch(energy, out.size, [self.data, self.triangles, self.hinges], [out])
-        return float(out.numpy().sum())
+        launch(energy, out.size, [self.data, self.triangles, self.hinges, worlds], [out])
 
 
 @dataclass

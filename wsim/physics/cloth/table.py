@@ -124,7 +124,7 @@ class Table:
         out = wp.zeros(min(LANES, self.size), dtype=wp.vec3d, device=model.device)
         (kernel,) = self.energy_kernels(module)
         kernel_cache.ready(kernel, model)
-        model.launch(kernel, out.size, [data, state.x, self.size, state.e], [out])
+        model.launch(kernel, out.size, [data, state.x, self.size, 1, state.e], [out])
         return float(out.numpy()[:, 2].sum())
 
     @property

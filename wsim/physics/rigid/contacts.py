@@ -123,7 +123,7 @@ class Contacts:
                            **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
                            **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b")})
         self.work = filled(self.Work, **self.seen, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
-                           L0=zeros(n, t.vec3), touched=zeros(n, int), r_a=zeros(4 * room, t.vec3),
+                           L0=zeros(n, t.vec3), touched=zeros(n, int), given=zeros(n, wp.float64), r_a=zeros(4 * room, t.vec3),
                            r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.vec3),
                            A=zeros(room, t.mat44), scrape=zeros(4 * room, t.vec3),
                            goal=zeros(4 * room, real), hit=zeros(4 * room, real), when=zeros(4 * room, real),

@@ -132,7 +132,7 @@ class Tetrahedra:
         module = kernel_cache.report_module(self.model, self.maths.__name__, str(self.material))
         kernel = self.maths.statistics(self.material, real=self.model.real, module=module)
         kernel_cache.ready(kernel, self.model)
-        self.model.launch(kernel, out.size, [self.data, self.size, state.x, state.e, self.q], [out])
+        self.model.launch(kernel, out.size, [self.data, self.size, 1, state.x, state.e, self.q], [out])
         each = out.numpy()
         return np.array([each[:, 0].max(), each[:, 1].sum(), each[:, 2].sum()])
 

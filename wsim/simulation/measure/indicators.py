@@ -206,5 +206,6 @@ def report(sim, with_profile: bool = True) -> dict:
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in method.kept()],
-        "skipped": plan.skipped, "warnings": [*sim.warnings, *missed(sim.fps, later)], **limits, **forms,
+        "skipped": plan.skipped, "warnings": [*sim.warnings, *missed(sim.fps, later)], "repeats": list(sim.repeats),
+        **({"balance": watch.report()} if (watch := plan.find("balance")) else {}), **limits, **forms,
     }

@@ -1,0 +1,63 @@
+"""Energy balance of every world at the end of a frame, one-sided: energy may be lost, and must not come from nowhere.
+
+    K       kinetic energy [J]
+    S, T    least and most energy that is stored [J]: equal where it is known, S = 0 where a solver leaves a part unsolved
+    W       work done in the frame by gravity, loads, moving colliders, wind and drives [J], or more than that
+    B       least K + T of the frames so far, each with the work done since added [J]
+
+    rise = K + S - B      what no work explains; B' = min(B + W, K + T)
+
+The rise is too much where it exceeds `part` of the largest K so far and a floor. B begins anew behind such a frame, and behind
+one that is left open, in which something works whose work is not known.
+
+Each term of the balance leaves a row (K, S, T, W) for each of a fixed number of threads of each world, without atomics: results
+are the same from run to run. All of it is float64.
+"""
+
+import warp as wp
+
+
+@wp.struct
+class Ledger:
+    """Of each world, (worlds,)."""
+    left_open: wp.array(dtype=int)             # 1: the frame is left open
+    floor: wp.array(dtype=wp.float64)          # [J]
+    lowest: wp.array(dtype=wp.float64)         # B [J]
+    most: wp.array(dtype=wp.float64)           # largest K so far [J]
+    peak: wp.array(dtype=wp.float64)           # largest rise so far [J]
+    rise: wp.array(dtype=wp.vec4d)             # of the last frame: rise, what it may be, K, W [J]
+
+
+@wp.kernel(module="wsim_ledger", enable_backward=False)
+def close_frame(rows: wp.array(dtype=wp.vec4d), terms: int, part: wp.float64, ledger: Ledger, word: wp.array(dtype=int)):
+    """A thread a world. rows: those of its threads, term by term, (terms, worlds, threads). word: 1 where it rose too much."""
+    w = wp.tid()
+    worlds = ledger.lowest.shape[0]
+    threads = rows.shape[0] // (terms * worlds)
+    sum = wp.vec4d()
+    for term in range(terms):
+        first = (term * worlds + w) * threads
+        for k in range(threads):
+            sum += rows[first + k]
+    upper = sum[0] + sum[2]
+    ledger.most[w] = wp.max(ledger.most[w], sum[0])
+    bound = part * ledger.most[w] + ledger.floor[w]
+    before = ledger.lowest[w] + sum[3]
+    more = sum[0] + sum[1] - before
+    if ledger.left_open[w] != 0:
+        more = wp.float64(0.0)
+        before = upper
+    ledger.rise[w] = wp.vec4d(more, bound, sum[0], sum[3])
+    ledger.lowest[w] = wp.min(before, upper)
+    ledger.peak[w] = wp.max(ledger.peak[w], more)
+    if more > bound:
+        word[w] = 1
+        ledger.lowest[w] = upper
+
+
+@wp.kernel(module="wsim_ledger", enable_backward=False)
+def store_energy(sums: wp.array(dtype=wp.vec3d), first: int, least: wp.float64, rows: wp.array(dtype=wp.vec4d)):
+    """A thread a row: elastic energy sums[2] [J] as stored; least: the part of it that is known to be there."""
+    i = wp.tid()
+    U = sums[i][2]
+    rows[first + i] = wp.vec4d(wp.float64(0.0), least * U, U, wp.float64(0.0))

@@ -1,0 +1,162 @@
+"""A run checks its own energy: the method that balances it at the end of every frame, on the device.
+
+Energy may be lost, by contacts, damping and numerical damping. It may not come from nowhere: kinetic and stored energy, less
+the work of gravity, loads, colliders that move, wind and drives, rise by no more than PART of the largest kinetic energy so
+far, and a floor: the work of the weights over FLOOR of the sizes (what contacts push apart, what float32 rounds). Equations:
+kernels/math/ledger.py.
+
+Where something works whose work is not known, the frame is left open: the balance begins anew behind it. `open_reasons` lists
+what that is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.math import ledger
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.state import Field, Part
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.simulation.measure.checks.reasons import Reasons
+from wsim.simulation.measure.checks.terms import Terms
+
+PART = 0.01            # of the largest kinetic energy so far
+FLOOR = 1e-3           # of the size of an object, over which its weight may work
+CREEP = 1e-4           # of the size of an object a frame: a speed that is none
+WORD = "energy gained"
+FIELDS = (Field("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),
+          Field("balance_most", "J", True, "largest kinetic energy so far", "double"),
+          Field("balance_substeps", "", True, "substeps of a frame, where the checks have raised them, else 0", "double"),
+          Field("balance_rises", "", True, "how often they have", "double"))
+FIELDS_OF = ("balance_lowest", "balance_most")
+
+
+def build(b) -> Balance | None:
+    """None where nothing moves whose energy is known."""
+    terms = Terms(b.model, b.state, b.methods, b.choice.solver)
+    return Balance(b, terms) if terms.each else None
+
+
+class Balance(Method):
+    def __init__(self, b, terms: Terms):
+        super().__init__("balance")
+        self.model, self.status, self.terms, self.clock = b.model, b.status, terms, b.clock
+        self.reasons, self.iterates = Reasons(b), b.choice.solver in ("xpbd", "implicit")
+        device, n = b.model.device, b.model.worlds
+        self.part = Part.allocate("energy balance", FIELDS, n, b.model.real, device)
+        path = b.state.paths()[0]
+        self.part.rows = {(path, world): np.array([world]) for world in range(n)}
+        b.state.add(self.part)
+        b.status.reserve(WORD, n)
+        self.ledger = filled(ledger.Ledger, left_open=wp.ones(n, dtype=int, device=device),
+                             floor=wp.array(np.full(n, floor_of(b)), dtype=wp.float64, device=device),
+                             peak=wp.zeros(n, dtype=wp.float64, device=device), rise=wp.zeros(n, dtype=wp.vec4d, device=device),
+                             **{name.removeprefix("balance_"): self.part.arrays[name] for name in FIELDS_OF})
+        self.offers = {"balance": self}
+        b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
+        self.fresh, self.opened, self.rises, self.why, self.worst = True, True, 0, list[str](), (0.0, "")
+        self.frames, self.opens = 0, dict[str, int]()       # frames so far, and of those left open by reason
+        self.stages.append(Stage("energy balance", "deform", self.close, len(terms.each) + 1, terms.rows.capacity, "frame",
+                                 "what may not rise"))
+
+    def enter(self, clock: Clock) -> None:
+        """A frame begins: what was set before it is part of its start."""
+        self.begun, self.fresh = self.fresh or clock.starting, False
+
+    def set(self, path: str, name: str, value, world: int | None = None) -> bool:
+        self.fresh = True
+        return False
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        """Begins anew where something was set; leaves the frame open where something works whose work is not known."""
+        if self.raised:
+            for name, value in (("balance_substeps", clock.substeps), ("balance_rises", self.rises)):
+                self.part.arrays[name].fill_(value)
+        if self.begun:
+            self.ledger.left_open.fill_(1)
+            self.set_aside()
+            self.close(clock)
+        self.why = self.reasons.of_frame(time, clock.dt)
+        if bool(self.why) != self.opened or self.begun:
+            self.ledger.left_open.fill_(int(bool(self.why)))
+        self.opened = bool(self.why)
+
+    def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
+        """Goes on with the substeps that an earlier run was raised to."""
+        kept = fields.get(next(iter(self.part.rows))[0], {})
+        if "balance_rises" in kept and kept["balance_rises"][0] > 0.0:
+            self.rises, self.clock.substeps = int(kept["balance_rises"][0]), int(kept["balance_substeps"][0])
+
+    def resumed(self, time: float) -> None:
+        """The balance goes on with what is kept of it."""
+        self.fresh = False
+
+    def set_aside(self) -> None:
+        """The snapshot that the terms compare with: of what stands now."""
+        for part in (self.terms.state.parts.get(name) for name in ("points", "bodies")):
+            if part is not None:
+                wp.copy(part.aside, part.every)
+
+    def close(self, clock: Clock) -> None:
+        """Launches the terms and the balance."""
+        self.terms.launch()
+        self.model.launch(ledger.close_frame, self.model.worlds, [self.terms.rows, len(self.terms.each), PART, self.ledger],
+                          [self.status.word(WORD)])
+
+    def retry(self, status: Status) -> list[Remedy]:
+        return [Remedy("check", why="energy")] if status.said(WORD).any() else []
+
+    @property
+    def raised(self) -> bool:
+        """Whether there are more substeps than the plan had."""
+        return self.rises > 0
+
+    def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
+        """The warning of frames that hold though energy rose: of the worst its prim, how much, and what helps."""
+        self.frames += 1
+        for why in self.why:
+            self.opens[why] = self.opens.get(why, 0) + 1
+        if not status.said(WORD).any():
+            return []
+        from wsim.simulation.measure.checks.gains import gains_by_prim
+        found = self.found()
+        each, world = gains_by_prim(self, found["world"]), found["world"]
+        path = max(each, key=lambda name: each[name]) + f" (world {world})" * (self.model.worlds > 1)
+        most = float(self.part.arrays["balance_most"].numpy()[world])
+        part, more = 100.0 * found["gained"] / max(most, 1e-300), "substeps or iterations" if self.iterates else "substeps"
+        if part >= self.worst[0]:
+            self.worst = part, (f"{path} gained energy that nothing gave it, {{worst}} % of the largest kinetic energy so far; "
+                                f"give it more {more} (now {self.clock.steps} substeps)")
+        return [(("energy",), part, self.worst[1])]
+
+    def report(self) -> dict[str, Any]:
+        """What a report says: frames, those left open by reason, the largest rise over the largest kinetic energy."""
+        peak, most = (a.numpy() for a in (self.ledger.peak, self.ledger.most))
+        return {"frames": self.frames, "left_open": dict(self.opens), "rise": float((peak / np.maximum(most, 1e-300)).max())}
+
+    def found(self) -> dict[str, Any]:
+        """What the last frame's balance left, of the world that gained most: gained, allowed, kinetic, work [J], world."""
+        rise = self.ledger.rise.numpy()
+        world = int(np.argmax(rise[:, 0] / np.maximum(rise[:, 1], 1e-300)))
+        return dict(zip(("gained", "allowed", "kinetic", "work"), map(float, rise[world]), strict=True)) | {"world": world}
+
+
+def floor_of(b) -> float:
+    """Energy [J] of a world that may come from where contacts push apart, or from rounding."""
+    g, found = float(np.linalg.norm(b.scene.gravity)), 0.0
+
+    def add(mass: float, size: float) -> None:
+        nonlocal found
+        found += mass * (g * FLOOR * size + 0.5 * (CREEP * size * b.scene.fps)**2)
+    for body in b.model.bodies:
+        if body.world == 0:
+            add(float(body.masses.sum()), float(np.ptp(body.places, axis=0).max(initial=0.0)))
+    rigid = b.methods.find("bodies")
+    for (_, world), inertia in zip(rigid.bodies, rigid.masses, strict=True) if rigid else ():
+        if world == 0:
+            add(inertia.mass, 2.0 * float(np.sqrt(2.5 * np.max(inertia.moments) / inertia.mass)))
+    return found

@@ -1,0 +1,31 @@
+"""More substeps for a frame whose figures are bad: at most RISES times a run, where the scene leaves their number open."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from wsim.model.stage import Remedy
+    from wsim.simulation.simulation import Simulation
+
+RISES = 2
+TIMES = 2              # substeps over those before
+
+
+def left_open(sim: Simulation) -> bool:
+    """Whether the number of substeps is the program's choice."""
+    scene = sim.scene
+    return (scene.solver, scene.integrator) == ("auto", "auto") and not getattr(scene, "authored", False)
+
+
+def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
+    """True if the frame is to be repeated with more substeps, which stay; False where it holds and is warned of."""
+    balance, clock = sim.plan.find("balance"), sim.plan.clock
+    if clock.apart or not left_open(sim) or balance.rises >= RISES:
+        return False
+    before = clock.steps
+    clock.substeps, clock.starting, sim.graph = TIMES * clock.substeps, True, None
+    balance.rises += 1
+    sim.repeats.append(f"frame {sim.frame + 1}: {'; '.join(dict.fromkeys(c.why for c in checks))}; repeated with {clock.steps} "
+                       f"substeps in place of {before}, which stay")
+    return True

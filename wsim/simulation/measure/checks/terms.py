@@ -1,0 +1,147 @@
+"""Terms of the energy balance: kinetic energy, stored energy and work of each kind of object, launched at the end of a frame.
+
+Each leaves `threads` rows for each world (kernels/math/ledger.py). A kind of object that has energy and no term leaves every
+frame open, and says so (`unknown`)."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.kernels.math import ledger
+from wsim.model import kernel_cache
+from wsim.model.stage import Methods
+from wsim.model.structs import filled
+
+THREADS = {True: 128, False: 1}          # that sum a world: CUDA, CPU
+
+
+def field_aside(part, name: str) -> wp.array:
+    """The field of a part as it was where the frame began."""
+    k = part.names.index(name)
+    return part.aside[k * part.capacity:(k + 1) * part.capacity]
+
+
+class Terms:
+    """All terms of a plan, in one array of rows."""
+
+    def __init__(self, model, state, methods: Methods, solver: str):
+        self.model, self.state, self.solver, self.worlds = model, state, solver, model.worlds
+        self.threads = THREADS[model.device.is_cuda]
+        self.each: list[Any] = []
+        self.kernels: list = []
+        self.sums: list[wp.array] = []
+        if model.bodies:
+            self.take_points(methods)
+        self.rigid = methods.find("bodies")
+        if self.rigid:
+            self.take_bodies()
+        self.rows = wp.zeros(max(len(self.each), 1) * self.size, dtype=wp.vec4d, device=model.device)
+        self.own = [self.rows[k * self.size:(k + 1) * self.size] for k in range(len(self.each))]
+        for kernel in self.kernels:
+            model.modules[kernel.module.name] = model.block if model.device.is_cuda else 1
+
+    @property
+    def size(self) -> int:
+        """Rows of a term."""
+        return self.worlds * self.threads
+
+    def take_points(self, methods: Methods) -> None:
+        """Points, and what holds them together."""
+        from wsim.kernels.math.point_energy import balance_points
+        model = self.model
+        self.points = methods.find("points")
+        self.counted = None
+        if model.alias is not None:
+            counted = np.ones(model.points, np.int32)
+            counted[model.gone] = 0
+            self.counted = wp.array(counted, dtype=int, device=model.device)
+        self.given = None
+        self.balance_points = balance_points(model.real)
+        self.kernels.append(self.balance_points)
+        self.each.append(self.sum_points)
+        least = 0.0 if self.solver == "xpbd" else 1.0
+        for table in self.stored(methods):
+            self.take_stored(table, least)
+
+    def stored(self, methods: Methods) -> list:
+        """Tables of what stores elastic energy: of XPBD in one world its own, in the order of colours."""
+        if self.solver == "xpbd" and self.worlds == 1:
+            found = [b for b in methods.every("batches") if not b.hard]
+        else:
+            from wsim.physics.cloth.table import table_of
+            kinds = sorted({r.kind for r in self.model.constraints if not r.hard})
+            found = [table_of(self.model, kind) for kind in kinds]
+        return found + [t for t in methods.every("solids") if hasattr(t, "maths")]
+
+    def take_stored(self, table, least: float) -> None:
+        """Elements of one kind. least: the part of their energy that counts as there."""
+        model, sums = self.model, wp.zeros(self.size, dtype=wp.vec3d, device=self.model.device)
+        if hasattr(table, "maths"):
+            module = kernel_cache.report_module(model, table.maths.__name__, str(table.material))
+            kernel = table.maths.statistics(table.material, real=model.real, module=module)
+
+            def measure() -> None:
+                s = self.state
+                model.launch(kernel, sums.size, [table.data, table.size, self.worlds, s.x, s.e, table.q], [sums])
+            self.kernels.append(kernel)
+        else:
+            table.comply().bend(apart=True)
+            if table.curvature:
+                table.curvature.room()
+            kernels = table.energy_kernels(kernel_cache.report_module(model, f"{table.kind} {table.uniform}"))
+            self.kernels += kernels
+
+            def measure() -> None:
+                s, data = self.state, table.data
+                if table.curvature:
+                    rest = table.lengths or data.rest
+                    return table.curvature.sum_energy(kernels, data, rest, s.x, s.e, sums, self.worlds)
+                return model.launch(kernels[0], sums.size, [data, s.x, table.size, self.worlds, s.e], [sums])
+        self.sums.append(sums)
+        self.kernels.append(ledger.store_energy)
+
+        def launch(rows: wp.array) -> None:
+            measure()
+            model.launch(ledger.store_energy, sums.size, [sums, 0, least], [rows])
+        self.each.append(launch)
+
+    def motions(self, part, **more) -> Any:
+        """Struct of where a part is and was."""
+        from wsim.kernels.math.point_energy import motions
+        return filled(motions(self.model.real)[0], x=part.arrays["x"], e=part.arrays["e"], x0=field_aside(part, "x"),
+                      e0=field_aside(part, "e"), **more)
+
+    def sum_points(self, rows: wp.array) -> None:
+        s, part = self.state, self.state.points
+        at = self.motions(part, v=s.v, given=self.given)
+        inputs = [self.points.constants, self.counted, self.worlds, at]
+        self.model.launch(self.balance_points, rows.size, inputs, [rows])
+
+    def take_bodies(self) -> None:
+        from wsim.kernels.rigid.energy import balance_bodies
+        self.balance_bodies = balance_bodies(self.model.real)
+        self.kernels.append(self.balance_bodies)
+        self.each.append(self.sum_bodies)
+        joints = self.rigid.joints
+        if joints and any(j.drives for j in joints.joints):
+            from wsim.kernels.rigid.energy import balance_drives
+            self.balance_drives = balance_drives
+            self.kernels.append(balance_drives)
+            self.each.append(self.sum_drives)
+
+    def sum_bodies(self, rows: wp.array) -> None:
+        rigid = self.rigid
+        part = rigid.part
+        given = rigid.contacts.work.given if rigid.contacts else None
+        inputs = [rigid.table, rigid.moving(), part.arrays.get("ph"), part.arrays.get("Lh"), self.worlds,
+                  self.motions(part, given=given)]
+        self.model.launch(self.balance_bodies, rows.size, inputs, [rows])
+
+    def sum_drives(self, rows: wp.array) -> None:
+        self.model.launch(self.balance_drives, rows.size, [self.rigid.joints.linked, self.worlds], [rows])
+
+    def launch(self) -> None:
+        """Launches all of them."""
+        for each, rows in zip(self.each, self.own, strict=True):
+            each(rows)
