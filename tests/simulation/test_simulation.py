@@ -162,6 +162,8 @@ def test_replay_is_what_launches_are():
     captured.run(5)
     launched.load()
     for _ in range(5):
+        for method in launched.plan.methods:
+            method.enter(launched.plan.clock)
         launched.plan.before_frame(launched.time)
         launched.plan.frame()
         launched.frame += 1
@@ -327,7 +329,7 @@ def test_more_contacts_than_room_repeat_the_frame():
 
 def test_what_a_scene_lacks_is_neither_planned_nor_allocated():
     sim = Simulation(chain(3), **CPU)
-    assert [m.name for m in sim.plan.methods] == ["points", "pins", "xpbd", "watch"]
+    assert [m.name for m in sim.plan.methods] == ["points", "pins", "xpbd", "watch", "balance"]
     assert not sim.state.has("a") and not sim.state.has("s")
     left_out = {s["stage"] for s in sim.plan.skipped}
     assert {"aero", "contact", "history", "gradients"} <= left_out

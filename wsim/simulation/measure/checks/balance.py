@@ -58,7 +58,8 @@ class Balance(Method):
                              **{name.removeprefix("balance_"): self.part.arrays[name] for name in FIELDS_OF})
         self.offers = {"balance": self}
         b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
-        self.fresh, self.opened, self.rises, self.why, self.worst = True, True, 0, list[str](), (0.0, "")
+        self.begun = self.fresh = self.opened = True
+        self.rises, self.why, self.worst = 0, list[str](), (0.0, "")
         self.frames, self.opens = 0, dict[str, int]()       # frames so far, and of those left open by reason
         self.stages.append(Stage("energy balance", "deform", self.close, len(terms.each) + 1, terms.rows.capacity, "frame",
                                  "what may not rise"))

@@ -15,7 +15,7 @@ TIMES = 2              # substeps over those before
 def left_open(sim: Simulation) -> bool:
     """Whether the number of substeps is the program's choice."""
     scene = sim.scene
-    return (scene.solver, scene.integrator) == ("auto", "auto") and not getattr(scene, "authored", False)
+    return (scene.solver, scene.integrator) == ("auto", "auto") and type(scene.substeps) is not int    # but Unnamed
 
 
 def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
