@@ -162,8 +162,6 @@ def test_replay_is_what_launches_are():
     captured.run(5)
     launched.load()
     for _ in range(5):
-        for method in launched.plan.methods:
-            method.enter(launched.plan.clock)
         launched.plan.before_frame(launched.time)
         launched.plan.frame()
         launched.frame += 1
