@@ -16,7 +16,7 @@ The first guess is what acted in the sweep before: a sweep in which nothing chan
 
 import warp as wp
 
-from wsim.kernels.rigid.joint.elimination import EASE, Linked, equation, solved
+from wsim.kernels.rigid.joint.elimination import Linked, equation, solved
 from wsim.kernels.rigid.joint.frames import factored
 from wsim.kernels.rigid.joint.tables import BOTTOM, DRIVEN, FAR, HELD, HIGHEST, LOWEST, NONE, TOP
 
@@ -58,7 +58,7 @@ def fitting(j: int, r: int, driving: int, h: wp.float64, J: Linked):
         p, loose = pushed(j, r, h, J)
     ends = before + z - p
     small = ROUND * (wp.abs(before) + wp.abs(z) + wp.abs(p))
-    rate = J.change[j, r] + EASE * J.own[j, r] * z
+    rate = J.change[j, r] + J.ease[j, r] * z
     still = ROUND * wp.abs(rate)
     found = acts
     if acts == LOWEST:

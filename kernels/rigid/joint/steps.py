@@ -18,12 +18,13 @@ import warp as wp
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.joint.coordinates import place_of, unwound
 from wsim.kernels.rigid.joint.elimination import Linked
-from wsim.kernels.rigid.joint.frames import ends_of, lined
+from wsim.kernels.rigid.joint.frames import ends_of, lined, measure_turn
 from wsim.kernels.rigid.joint.pivots import settled
 from wsim.kernels.rigid.joint.rows import drive, relaxed, wanted
 from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near, structs
 
 FAST = wp.constant(wp.float64(0.25))     # [rad] of a turn in a substep: RATTLE has no solution for a joint that turns much more
+RELAX = wp.constant(4)                   # sweeps over the velocities of a loop, as A is eased (elimination.py)
 CONTACT, JOINT = wp.constant(1), wp.constant(2)       # what touched a body in a substep
 
 
@@ -152,10 +153,13 @@ def functions(real):
     @wp.func(inline=False)
     def asked(j: int, k: int, h: wp.float64, now: Moving, J: Linked):
         """Wants of the rows of a joint, and a first guess of which act."""
-        at = place_of(ends_of(j, k + 1, J), J.t.form[j], J.t.cone[j])
+        e = ends_of(j, k + 1, J)
+        at = place_of(e, J.t.form[j], J.t.cone[j])
         u, omega = rate_of(j, k, wp.float64(0.0), now, J)
         lead, whirl = rate_of(j, k, wp.float64(1.0), now, J)
         part = fast(j, h, now, J)
+        if J.t.closed[j] == 1 and J.active[j, 0] < 0:
+            measure_turn(j, e, at, part, J)
         u = J.axis[j] * u
         omega = J.turn[j] * omega
         lead = J.axis[j] * lead
@@ -180,16 +184,21 @@ def functions(real):
     @wp.func(inline=False)
     def relax(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
         three = int(3)
-        for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
-            u, omega = rate_of(j, k, wp.float64(0.0), now, J)
-            u = J.axis[j] * u
-            omega = J.turn[j] * omega
-            for r in range(three):
-                J.next[j, r] = relaxed(j, r, u[r], J)
-                J.next[j, 3 + r] = relaxed(j, 3 + r, omega[r], J)
-                J.active[j, r] = -1
-                J.active[j, 3 + r] = -1
-        given(g, 0, h, now, J)
+        times = int(1)
+        if J.t.closed[J.t.first_joint[g]] == 1:
+            times = RELAX
+        for sweep in range(times):
+            for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
+                u, omega = rate_of(j, k, wp.float64(0.0), now, J)
+                u = J.axis[j] * u
+                omega = J.turn[j] * omega
+                for r in range(three):
+                    J.next[j, r] = relaxed(j, r, u[r], J)
+                    J.next[j, 3 + r] = relaxed(j, 3 + r, omega[r], J)
+                    if sweep == 0:
+                        J.active[j, r] = -1
+                        J.active[j, 3 + r] = -1
+            given(g, 0, h, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             broke(j, h, J)
 

@@ -30,6 +30,7 @@ def structs():
         turn_b: wp.array(dtype=wp.quatd)
         apart: wp.array(dtype=wp.vec3d)              # origin of b from that of a [m]
         form: wp.array(dtype=int)
+        closed: wp.array(dtype=int)                  # 1: its island has a loop
         cone: wp.array(dtype=wp.vec2d)               # 1 / half angle [1/rad]
         kind: wp.array2d(dtype=int)
         low: wp.array2d(dtype=wp.float64)            # [m], [rad]
@@ -85,7 +86,8 @@ def structs():
         over: wp.array2d(dtype=wp.float64)           # beyond its highest
         much: wp.array2d(dtype=wp.float64)           # of a drive
         change: wp.array2d(dtype=wp.float64)         # of rates by what rhs adds
-        own: wp.array2d(dtype=wp.float64)            # diagonal of A
+        turned: wp.array2d(dtype=wp.float64)         # (D M^-1 D^T)_rr / 2 of the change D of rows in a substep
+        ease: wp.array2d(dtype=wp.float64)           # what is added to the diagonal of A
         active: wp.array2d(dtype=int)                # what the factor is of
         next: wp.array2d(dtype=int)                  # what is to act
         rhs: wp.array2d(dtype=wp.float64)

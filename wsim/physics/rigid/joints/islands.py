@@ -28,6 +28,14 @@ class Order:
     def blocks(self) -> int:
         return len(self.joint) + len(self.near)
 
+    def closed(self, pairs: np.ndarray) -> np.ndarray:
+        """1 for joints of islands with a loop, (joints,) in their order; pairs: rows of the bodies of each, -1: the world."""
+        found = np.zeros(len(self.joint), int)
+        for first, last, own in zip(self.first_joint[:-1], self.first_joint[1:], np.diff(self.first_body), strict=True):
+            hung = bool((pairs[first:last] < 0).any())
+            found[first:last] = last - first > own - 1 + hung
+        return found
+
     def repeated(self, times: int, bodies: int) -> "Order":
         """The same of several worlds with so many bodies each."""
         n, e = len(self.joint), len(self.near)

@@ -75,8 +75,8 @@ class Joints:
         pairs = np.array([[rows.get(j.body0, -1), rows.get(j.body1, -1)] for _, j, _ in self.every])
         one = ordered(pairs, len(rows))
         self.order_of = one.joint
-        self.joints = [self.every[k][1] for k in one.joint]
-        self.pairs = pairs[one.joint]
+        self.joints, self.pairs = [self.every[k][1] for k in one.joint], pairs[one.joint]
+        self.closed = one.closed(self.pairs)
         worlds = b.model.worlds
         self.order = one.repeated(worlds, len(rows))
         self.count, self.islands = len(self.joints) * worlds, len(self.order.first_joint) - 1
@@ -117,7 +117,7 @@ class Joints:
                    at_a=tiled([s[0] for s in sides[0::2]], wp.vec3d), at_b=tiled([s[0] for s in sides[1::2]], wp.vec3d),
                    turn_a=tiled([s[1] for s in sides[0::2]], wp.quatd), turn_b=tiled([s[1] for s in sides[1::2]], wp.quatd),
                    apart=tiled([b - a for a, b in from_to], wp.vec3d), form=tiled([_form(j) for j in self.joints], int),
-                   cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
+                   closed=tiled(self.closed, int), cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
                    breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
                    w=up([1.0 / m.mass for m in masses], wp.float64),
                    linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int),
@@ -167,7 +167,7 @@ class Joints:
         def zeros(shape, dtype=wp.float64):
             return wp.zeros(shape, dtype=dtype, device=self.device)
         found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "bias", "rhs", "under", "over", "much",
-                                                      "change", "own")}
+                                                      "change", "turned", "ease")}
         found |= {name: zeros(bodies, wp.vec3d) for name in ("X", "dp", "dL", "P", "T")}
         found |= {name: zeros(n, wp.mat33d) for name in ("axis", "turn")}
         return found | {"Q": zeros(bodies, wp.quatd), "S": zeros(bodies, wp.mat33d), "touched": zeros(bodies, int),

@@ -43,6 +43,7 @@ class Tables:
     turn: tuple[np.ndarray, np.ndarray]
     apart: np.ndarray
     form: np.ndarray
+    closed: np.ndarray
     cone: np.ndarray
     kind: np.ndarray
     drive: np.ndarray
@@ -220,6 +221,6 @@ class Substep:
         end = placed(self.t, v["then"], self.Q, self.quarters)
         J, S = rows_of(end), spreads(v["then"], self.Q, v["mass"])
         rate = acted(np.concatenate(J, axis=-1), moved(v["momentum"], S, v["mass"], self.given))
-        eased = float(EASE) * np.einsum("...ii->...i", response(J, S, v["mass"])) * v["f"]
+        eased = float(EASE) * (self.t.closed == 0)[:, None] * np.einsum("...ii->...i", response(J, S, v["mass"])) * v["f"]
         rest = np.where(self.acts > 0, rate + eased, v["f"] + np.where(self.full, v["before"], 0.0))
         return {"impulse": impulses(J, v["f"]), "rest": rest}

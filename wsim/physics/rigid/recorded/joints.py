@@ -23,8 +23,8 @@ class JointSide:
         self.recorded, self.joints = recorded, recorded.method.joints
         t = self.joints.linked.t
         self.pairs = np.stack([t.a.numpy(), t.b.numpy()], axis=1)
-        own = {name: getattr(t, name).numpy() for name in ("apart", "form", "cone", "kind", "drive", "low", "high", "speed",
-                                                           "most")}
+        own = {name: getattr(t, name).numpy() for name in ("apart", "form", "closed", "cone", "kind", "drive", "low", "high",
+                                                           "speed", "most")}
         assert {f.name for f in fields(Tables)} == {*own, "at", "turn", "still"}
         self.t = Tables(at=(t.at_a.numpy(), t.at_b.numpy()), turn=(t.turn_a.numpy(), t.turn_b.numpy()), still=self.pairs < 0,
                         **own)
