@@ -70,6 +70,7 @@ METHODS: list[Row] = [
     Row("contact", "wsim.physics.contact.method", without="there is no collider", gradients=True, pushes=True),
     Row("selfcontact", "wsim.physics.selfcontact.method", without="no surface collides with itself", pushes=True),
     Row("watch", "wsim.physics.motion.overstretch", gradients=True),
+    Row("volume", "wsim.physics.soft.volume", gradients=True),
     Row("muscles", "wsim.physics.cloth.muscles", without="no spring has an actuation", gradients=True),
     Row("loads", "wsim.physics.motion.loads", without="nothing is loaded", gradients=True),
 ]

@@ -111,6 +111,8 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "contact": _contact,
     "selfcontact": lambda b: "surfaces collide with themselves" if touches(b.scene) and b.model.bodies else "",
     "watch": lambda b: "" if b.choice.solver == "explicit" or b.model.gradients or not b.model.bodies else "edges are watched",
+    "volume": lambda b: "the corotational law may lose volume" if not b.model.gradients and any(
+        m.model == "corotational" for s in b.scene.softs for m in s.materials) else "",
     "muscles": lambda b: "springs have an actuation" if any(s.actuation for s in b.scene.springs) else "",
     "loads": lambda b: f"{len(b.scene.loads)} loads" if b.scene.loads else "",
 }
