@@ -38,7 +38,7 @@ def finer(scene: Scene, samples: int) -> Scene:
     if samples == 1:
         return scene
     return replace(scene, fps=scene.fps * samples, frames=scene.frames * samples,
-                   substeps=-(-scene.substeps // samples))
+                   substeps=type(scene.substeps)(-(-scene.substeps // samples)))
 
 
 def later(scene: Scene, delay: float) -> Scene:

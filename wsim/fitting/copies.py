@@ -36,7 +36,7 @@ def chosen(scene: Scene, sim: Simulation) -> Scene:
     """The scene with the choices that a simulation of it has made."""
     choice = sim.plan.choice
     if not sim.model.bodies:                             # no points, and no solver
-        return scene
+        return replace(scene, substeps=choice.steps)
     return replace(scene, solver=choice.solver, integrator=choice.integrator.name, substeps=choice.steps,
                    iterations=choice.iterations)
 

@@ -34,6 +34,10 @@ def single(thing):
     return replace(thing, **doubles) if doubles else thing
 
 
+class Unnamed(int):
+    """A count that nobody named, as a default is: `auto` may put another in its place."""
+
+
 class Compared:
     """Dataclasses with arrays, equal when every field is: doubles and what a file holds of them, float32, are."""
 

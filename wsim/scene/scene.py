@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from wsim.scene import solids
-from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, array, reals, single
+from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, Unnamed, array, reals, single
 from wsim.scene.curve import Curve, Motion
 from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 
@@ -143,7 +143,7 @@ class Scene(Compared):
     fps             frames (time codes) a second [1/s]
     start           time code of the first frame [frames], the initial state
     frames          how many frames to simulate
-    substeps        substeps a frame, where the solver does not choose them
+    substeps        substeps a frame, where neither the solver nor, if nobody named them, stacks of bodies choose more
     iterations      solver iterations a substep
     solver          of the elastic forces: "auto" (weighs cost against error), "explicit", "xpbd" or "implicit"
     integrator      of time: "auto" (what suits the solver), or a name of `wsim.scene.integrator.TABLE`
@@ -173,7 +173,7 @@ class Scene(Compared):
     fps: float = 24.0
     start: float = 0.0
     frames: int = 96
-    substeps: int = 10
+    substeps: int = Unnamed(10)
     iterations: int = 4
     solver: str = "auto"
     integrator: str = "auto"

@@ -29,7 +29,7 @@ from wsim.scene.integrator import TABLE, Integrator
 from wsim.scene.methods import carried, collides, touches
 from wsim.simulation import cost
 from wsim.simulation.duration import percent
-from wsim.simulation.predicted import errors, sweep_strain
+from wsim.simulation.predicted import errors, sag, sweep_strain
 from wsim.simulation.predicted.errors import HIT, drift, falls, size
 
 STRAINED = 10.0        # strain that sweeps may leave in an edge, over the wanted error. A cloth of even cells has 7 to 9
@@ -61,6 +61,7 @@ class Choice:
     slowed: bool = False                     # leapfrog of as many substeps as mass for slivers leaves
     bears: float = inf                       # stretch of an edge up to which explicit steps that are named are stable, and
     least: int = 0                           # substeps that bear any: `stability.bears`
+    need: sag.Need = sag.Need()              # substeps that rigid bodies want
 
     @property
     def steps(self) -> int:

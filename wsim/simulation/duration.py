@@ -25,6 +25,7 @@ def long(plan, fps: float | None = None) -> list[str]:
         late = [f"warning: /: {fps:g} frames a second are not held: a frame by the fastest setting takes about "
                 f"{_short(plan.seconds)}; a coarser mesh or a GPU (--device cuda:0) takes less"]
     steps, scene = plan.choice.steps, plan.model.scene
+    late += plan.choice.need.warnings(scene, plan.choice.substeps)
     if scene.cloths and steps > DEAR * scene.substeps:
         from wsim.scene.check.slivers import slow
         late += map(str, slow(scene, steps))

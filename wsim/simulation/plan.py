@@ -29,6 +29,7 @@ from wsim.scene.nodal.separate import apart
 from wsim.simulation import cost
 from wsim.simulation.choice import Choice, choose
 from wsim.simulation.methods import PARTS, Build, built, needed, signature, watched
+from wsim.simulation.predicted.sag import settle
 
 LAUNCH = 5.5e3           # [B] of a launch of the table in a graph of a CPU: crossed cloths, 84 of them in a substep
 SMALL = 1 << 28          # bytes of a graph, for which there is room
@@ -196,7 +197,7 @@ class Plan:
 
 
 def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False, fps: float | None = None) -> Plan:
-    """Model, state and stages of a checked scene. fps: frames a second of wall clock that it is to hold."""
+    """Model, state and stages of a checked scene, its substeps as `settle` has them. fps: of wall clock, that it is to hold."""
     model = models.build(scene, worlds, device, real)
     model.gradients, model.by_point = gradients, gradients or bool(scene.loads)
     b = _chosen(model, fps)
@@ -228,13 +229,13 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
 
 def choice(scene: Scene, *, device, real) -> Choice:
     """The choice that a simulation of a checked scene makes. Raises SceneError as it does."""
-    return _chosen(models.build(scene, 1, device, real)).choice
+    return _chosen(models.build(replace(scene), 1, device, real)).choice
 
 
 def _chosen(model: Model, fps: float | None = None) -> Build:
     """Constraints of every body, and the solver, integrator and steps that they are given: worlds take those of one alone,
     whose bits they then have, but where all are to hold a rate of frames."""
-    scene, one = model.scene, model
+    scene, one, need = model.scene, model, settle(model.scene)
     constrain(model)
     if fps is None:
         if model.worlds > 1:
@@ -255,6 +256,7 @@ def _chosen(model: Model, fps: float | None = None) -> Build:
         from wsim.physics.fused.stiff_few import slow
         for each in {id(m): m for m in (model, one)}.values():
             slow(each)
+    choice = replace(choice, need=need, why="; ".join(filter(None, (choice.why, need.told(scene, choice.substeps)))))
     counts.refuse("substeps a frame, for steps that are short enough," if choice.steps > scene.substeps else "substeps",
                   choice.steps, "take softer materials, larger masses or elements, or another solver")
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator)

@@ -43,6 +43,7 @@ def _what(report: dict) -> list[str]:
              f"{f' ({name})' if name and name.lower() != device else ''}, {report['precision']}"]
     if "substeps" in report:
         lines.append(f"  {report['substeps']} substeps, {report['iterations']} iterations, {report['integrator']}")
+    lines += [f"  {report['raised']}"] if report.get("raised") else []
     return lines + [f"  {what:<9}{report[what]}" for what in ("output", "partial", "picture") if report.get(what)]
 
 

@@ -16,6 +16,7 @@ from typing import Any
 from wsim.model import kernel_cache
 from wsim.scene import Scene, SceneError
 from wsim.simulation import plan as plans
+from wsim.simulation.predicted import sag
 from wsim.simulation.retry import Company
 from wsim.simulation.simulation import PRECISIONS, Simulation
 from wsim.sweep import case as cases
@@ -73,7 +74,7 @@ class Worker:
         """Solver, integrator, substeps, iterations that its scene comes to."""
         scene = case.scene.single() if self.job.settings.precision == "float32" else case.scene
         if not scene.bodies() or scene.others or (scene.solver in ("xpbd", "implicit") and scene.integrator != "auto"):
-            return scene.solver, scene.integrator, scene.substeps, scene.iterations
+            return scene.solver, scene.integrator, sag.substeps(scene), scene.iterations
         choice = plans.choice(scene, device=self.device, real=self.real)
         return choice.solver, choice.integrator.name, choice.steps, choice.iterations
 

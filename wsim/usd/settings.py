@@ -10,6 +10,7 @@ import numpy as np
 from pxr import Gf, Usd
 
 from wsim.scene import Problem, Scene
+from wsim.scene.bodies import Unnamed
 from wsim.usd.attributes import EXACT, author, decimal, read
 from wsim.usd.load_varying import attributes_of, vary
 from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, fields, row
@@ -130,7 +131,7 @@ def author_settings(stage: Usd.Stage, path: str, scene: Scene, units: Units) -> 
     prim = stage.DefinePrim(path, PHYSICS_SCENE)
     prim.AddAppliedSchema(WSIM_SCENE)
     author_gravity(prim, scene, units)
-    for field in FIELDS:
+    for field in (f for f in FIELDS if not isinstance(getattr(scene, f), Unnamed)):
         author(prim, "Scene", field, getattr(scene, field), units)
     return prim
 

@@ -198,6 +198,7 @@ def report(sim, with_profile: bool = True) -> dict:
         "device": str(sim.device), "device_name": sim.device.name, "precision": sim.precision, "worlds": sim.worlds,
         "frames": sim.frame, "substeps": plan.clock.steps, "iterations": plan.clock.iterations,
         "solver": plan.choice.solver, "integrator": plan.integrator, "why": plan.choice.why,
+        "raised": plan.choice.need.told(plan.model.scene, plan.choice.substeps),
         "points": plan.model.points, "constraints": constraints, "sizes": sizes, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,
         "constraints_per_second": a_substep * a_second, "bodies_per_second": sizes.get("bodies", 0) * a_second,

@@ -1,0 +1,173 @@
+"""Depth by which rigid bodies sink into each other at rest, and the substeps a frame that keep it small.
+
+A contact is soft (kernels/rigid/soft_step.py). A point that bears the impulse P in each substep of h rests where
+bias + A_jj P / a_2 = 0, so that at a force F = P / h it has given way by
+
+    d = A_jj F h^2 / (h w)^2,      h w = pi / 2,      A_jj = w_a + w_b + (r_a x n) I_a^-1 (r_a x n) + the same of b   [1/kg]
+
+whatever the damping and the sweeps: it is a spring of (h w)^2 / (h^2 A_jj). The points of a patch bear side by side: A of the
+patch is 1 / sum (1 / A_jj), which is w_a + w_b of cubes on each other and 1.25 times that of two thin discs. The top of a
+column of n equal cubes sinks by
+
+    (h / (h w))^2 g n^2,    as the k-th contact from below bears n - k + 1 of them and has A = 2 / m, the lowest 1 / m
+
+which depends on n alone: 6.9 mm for ten of them and h = 1/240 s, 43 % of a cube of 16 mm. Mass matters by its ratio: M on top
+of m gives g M / m for each contact of m.
+
+Bodies that touch where the scene starts, and what stands, are a net of such springs (`wsim.simulation.predicted.bearing`). A
+column that is slender buckles before it has sunk far: n cubes from a sag of 0.98 / n of one on, thirty from 3.3 %.
+
+What falls into a pile later lies, N bodies in a heap, under about N^(1/3) others: 2 g N^(1/3) in place of the above.
+
+Measured over this (24 fps, 10 to 186 substeps x 4): 1.00 in columns of cubes, slabs and cylinders of 2 to 30 bodies, 1 mm to
+10 m, mass ratios to 1e4, and in a tower of 54 blocks; 0.9 in arches of 17 stones, t / R 0.12; 0.98 to 1.1 in a pyramid, a house
+of cards and under a lintel; 0.7 to 0.9 among balls, logs and turned cubes, whose normals or patches are taken coarsely; 1.3 in
+a wall whose last bricks lie at the edge of falling.
+
+Where nobody named the substeps of a scene, `settle` gives it as many before its first frame as keep the sag at GOOD of the
+least height of a body on the way down, MOST at most, and stacks at UPRIGHT of what buckles them; of what falls, of its own
+least extent. It costs what substeps cost, in
+proportion. Stiffer contacts, which take more sweeps, cost more for the same sag (ten cubes of 16 mm, CPU: h w = pi, 10 x 20
+0.91 ms a frame and 10.8 %; 30 x 4 0.74 ms and 4.8 %; h w = pi with 4 sweeps falls). Where somebody named them, or something
+else decides, a run in which bodies sink by more than BAD says so.
+"""
+
+from dataclasses import dataclass, replace
+from math import ceil, inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wsim.scene import Scene
+from wsim.scene.bodies import Unnamed
+
+if TYPE_CHECKING:
+    from wsim.simulation.predicted.bearing import Bodies, Net
+
+TURN = 0.5 * np.pi     # h w of kernels/rigid/soft_step.py
+GOOD, BAD = 0.04, 0.1  # part of a body's height that it may sink by; from which a run says so
+PILED = 0.25           # the same of what falls: how many it will lie under is not known
+UPRIGHT, LEANS = 0.6, 0.85             # of the load under which a stack buckles, likewise
+MOST = 1000            # substeps that are chosen
+
+
+@dataclass(frozen=True)
+class Need:
+    """The substeps that the rigid bodies of a scene want, and why.
+
+    path        prim path of the body that sinks most, over its size
+    rate        s: it sinks by s (h / (h w))^2 of its size [1/s^2]
+    size        of that size [m]
+    falls       True: not yet, but once it lies in a pile
+    slender     prim path of the body that is nearest to leaning over
+    tips        its stack bears tips (h / (h w))^2 of the load under which it buckles [1/s^2]
+    """
+
+    path: str = ""
+    rate: float = 0.0
+    size: float = inf
+    falls: bool = False
+    slender: str = ""
+    tips: float = 0.0
+
+    def part(self, h: float) -> float:
+        """Sag over the size, at substeps of h [s]."""
+        return self.rate * (h / TURN)**2
+
+    def substeps(self, fps: float) -> int:
+        """Substeps a frame that keep it at GOOD, and upright."""
+        return max(1, ceil(max(self.rate / GOOD, self.tips / UPRIGHT)**0.5 / TURN / fps - 1e-9))
+
+    @property
+    def leans(self) -> bool:
+        """True if it takes more substeps that a stack stays upright than that no body sinks."""
+        return self.tips / UPRIGHT > self.rate / GOOD
+
+    def percent(self, fps: float, n: int) -> str:
+        """Part of what decides, in words."""
+        return f"{100.0 * (self.tips if self.leans else self.rate) / (TURN * fps * n)**2:.3g} %"
+
+    def says(self, fps: float, n: int) -> str:
+        """Words of what n substeps a frame leave."""
+        if self.leans:
+            return f"{self.slender} and what is below it bear {self.percent(fps, n)} of the load under which they lean over"
+        where = "its width, once in a pile" if self.falls else "the least height of a body on the way down"
+        depth = length(self.part(1.0 / fps / n) * self.size)
+        return f"{self.path} sinks at rest by about {depth}, {self.percent(fps, n)} of {length(self.size)} ({where})"
+
+    def told(self, scene: Scene, n: int) -> str:
+        """Reason of n substeps, where they are those that were chosen for the bodies; else ""."""
+        least = Scene().substeps
+        if not isinstance(scene.substeps, Unnamed) or not n == scene.substeps > least:
+            return ""
+        return f"{n} substeps for rigid bodies, about {n / least:.2g} times the time of {least}: {self.says(scene.fps, n)}; " \
+            f"by {least} it would be {self.percent(scene.fps, least)}"
+
+    def warnings(self, scene: Scene, n: int) -> list[str]:
+        """A warning where n substeps a frame are too few."""
+        h, good = 1.0 / scene.fps / n, self.substeps(scene.fps)
+        if self.part(h) <= (PILED if self.falls else BAD) and self.tips * (h / TURN)**2 <= LEANS:
+            return []
+        path = self.slender if self.leans else self.path
+        return [f"warning: {path}: {n} substeps a frame are few for rigid bodies: {self.says(scene.fps, n)}; give --substeps "
+                f"{good}, or leave out wsim:substeps"]
+
+
+def length(value: float) -> str:
+    """[m] in words."""
+    return f"{value:.3g} m" if value >= 1.0 else f"{1e3 * value:.3g} mm"
+
+
+def settle(scene: Scene) -> Need:
+    """Gives a checked scene the substeps that its rigid bodies want, in place, where nobody named them; what they want."""
+    found = need(scene)
+    if isinstance(scene.substeps, Unnamed):
+        scene.substeps = Unnamed(max(scene.substeps, min(found.substeps(scene.fps), MOST)))
+    return found
+
+
+def substeps(scene: Scene) -> int:
+    """Substeps of a checked scene as `settle` has them."""
+    own = replace(scene)
+    settle(own)
+    return int(own.substeps)
+
+
+def need(scene: Scene) -> Need:
+    """The need of the rigid bodies of a checked scene; none where there is no gravity, or nothing to touch."""
+    from wsim.physics.rigid.solids import meet
+    g = _gravity(scene)
+    if not (scene.things("Body") and g.any() and meet(scene)):
+        return Need()
+    from wsim.simulation.predicted.bearing import Bodies, Net
+    bodies = Bodies(scene, g)
+    net, u, rests = Net.of(bodies).settled(bodies.load)
+    falls = ~(rests | bodies.held)[bodies.group] & (bodies.width < inf)
+    return max(_resting(bodies, net, u, rests), _falling(bodies, falls), key=lambda n: n.substeps(scene.fps))
+
+
+def _resting(bodies: "Bodies", net: "Net", u: np.ndarray, rests: np.ndarray) -> Need:
+    from wsim.simulation.predicted.bearing import BUCKLES
+    if not rests.any():
+        return Need()
+    least = net.least()
+    rates = np.where(rests, u / least, 0.0)
+    leans = np.where(rests, net.leans(u, bodies.load, bodies.center, bodies.up) / BUCKLES, 0.0)
+    sinks, tips = int(np.argmax(rates)), int(np.argmax(leans))
+    return Need(bodies.paths[sinks], float(rates[sinks]), float(least[sinks]), False, bodies.paths[tips], float(leans[tips]))
+
+
+def _falling(bodies: "Bodies", falls: np.ndarray) -> Need:
+    if not falls.any():
+        return Need()
+    layers = len(np.unique(bodies.group[falls]))**(1.0 / 3.0)
+    thin = int(np.argmin(np.where(falls, bodies.width, inf)))
+    size = float(bodies.width[thin])
+    return Need(bodies.bodies[thin].path, 2.0 * bodies.g * layers / size, size, True)
+
+
+def _gravity(scene: Scene) -> np.ndarray:
+    """Gravity [m/s^2], where it varies the strongest."""
+    keys = [np.reshape(v.curve.values, (-1, 3)) for v in scene.varying if (v.path, v.name) == ("/", "gravity")]
+    every = np.concatenate([np.reshape(scene.gravity, (1, 3)), *keys]).astype(np.float64)
+    return every[np.argmax(np.linalg.norm(every, axis=1))]
