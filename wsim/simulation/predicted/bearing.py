@@ -41,13 +41,12 @@ class Bodies:
 
     def __init__(self, scene: Scene, g: np.ndarray):
         from wsim.physics.rigid.mass import inertia
-        from wsim.simulation.predicted.touching import solids_of, touching
+        from wsim.simulation.predicted.touching import touching
         self.bodies = scene.things("Body")
         self.g = float(np.linalg.norm(g))
         self.up = -g / self.g
         self.masses = [inertia(body) for body in self.bodies]
-        self.solids, meshes = solids_of(scene, self.bodies)
-        self.touches = touching(self.solids, meshes)
+        self.solids, self.touches = touching(scene, self.bodies)
         self.group, self.held = grouped(scene, self.bodies)
         down = [m.mass * self.g - body.force @ self.up for m, body in zip(self.masses, self.bodies, strict=True)]
         self.load = np.maximum(np.bincount(self.group, down, len(self.held)), 0.0)

@@ -48,7 +48,7 @@ TURN = 0.5 * np.pi     # h w of kernels/rigid/soft_step.py
 GOOD, BAD = 0.04, 0.1  # part of a body's height that it may sink by; from which a run says so
 PILED = 0.25           # the same of what falls: how many it will lie under is not known
 UPRIGHT, LEANS = 0.6, 0.85             # of the load under which a stack buckles, likewise
-MOST = 1000            # substeps that are chosen
+MOST = 600             # substeps that are chosen: a small body under a mountain would make a scene stand still
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,9 @@ class Need:
         if self.part(h) <= (PILED if self.falls else BAD) and self.tips * (h / TURN)**2 <= LEANS:
             return []
         path = self.slender if self.leans else self.path
+        other = "smaller ratios of mass" if isinstance(scene.substeps, Unnamed) else "leave out wsim:substeps"
         return [f"warning: {path}: {n} substeps a frame are few for rigid bodies: {self.says(scene.fps, n)}; give --substeps "
-                f"{good}, or leave out wsim:substeps"]
+                f"{good}, or {other}"]
 
 
 def length(value: float) -> str:

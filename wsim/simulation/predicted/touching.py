@@ -38,27 +38,28 @@ class Row:
     ball: float = 0.0                          # radius of what is round on all sides
     disc: float = 0.0                          # radius about the third axis
     points: np.ndarray | None = None           # of a hull about its center, (n, 3)
+    path: str = ""                             # of its collider
 
     @classmethod
-    def of(cls, body: int, M: np.ndarray, met) -> "Row":
+    def of(cls, body: int, M: np.ndarray, met, path: str) -> "Row":
         """A shape that M (4, 4) places."""
-        middle, shape = M[:3, :3] @ np.array(met.center, np.float64) + M[:3, 3], met.shape
+        middle, R, shape = M[:3, :3] @ np.array(met.center, np.float64) + M[:3, 3], M[:3, :3], met.shape
         if isinstance(shape, (Sphere, Capsule)):
-            return cls(body, middle, M[:3, :3], (0.0, 0.0, getattr(shape, "half_height", 0.0)), ball=shape.radius)
+            return cls(body, middle, R, (0.0, 0.0, getattr(shape, "half_height", 0.0)), ball=shape.radius, path=path)
         if isinstance(shape, (Cylinder, Cone)):
-            return cls(body, middle, M[:3, :3], (0.0, 0.0, shape.half_height), disc=shape.radius)
+            return cls(body, middle, R, (0.0, 0.0, shape.half_height), disc=shape.radius, path=path)
         if shape is not None:
-            return cls(body, middle, M[:3, :3], tuple(shape.half))
+            return cls(body, middle, R, tuple(shape.half), path=path)
         low, high = met.hull.vertices.min(axis=0), met.hull.vertices.max(axis=0)
         inner = 0.5 * (low + high)
-        return cls(body, middle + M[:3, :3] @ inner, M[:3, :3], tuple(high - inner), points=met.hull.vertices - inner)
+        return cls(body, middle + R @ inner, R, tuple(high - inner), points=met.hull.vertices - inner, path=path)
 
 
 class Solids:
-    """Rows as arrays, those of bodies first; reach: the gap that counts [m]."""
+    """Rows as arrays, those of bodies first; paths: of their colliders; reach: the gap that counts [m]."""
 
     def __init__(self, rows: list[Row]):
-        self.body = np.array([r.body for r in rows], int)
+        self.body, self.paths = np.array([r.body for r in rows], int), [r.path for r in rows]
         self.center, self.axes = np.array([r.center for r in rows]), np.array([r.axes for r in rows])
         self.half = np.array([r.half for r in rows], np.float64)
         self.ball, self.disc = np.array([r.ball for r in rows]), np.array([r.disc for r in rows])
@@ -90,17 +91,18 @@ class Solids:
 
 
 def solids_of(scene, bodies: list) -> tuple[Solids, list]:
-    """Convex shapes of a scene, and (points, triangles) in the world of the meshes that stand."""
+    """Convex shapes of a scene, and of the meshes that stand the corners of their triangles (t, 3, 3) [m] and paths."""
     frames = [body.motion.at(0.0) for body in bodies]
-    rows = [Row.of(k, M @ c.motion.at(0.0), met) for k, (body, M) in enumerate(zip(bodies, frames, strict=True))
+    rows = [Row.of(k, M @ c.motion.at(0.0), met, c.path) for k, (body, M) in enumerate(zip(bodies, frames, strict=True))
             for c in body.colliders if (met := as_met(c, True)) is not None]
-    still = [(c.motion.at(0.0), met) for c in scene.colliders if (met := as_met(c, False)) is not None]
-    reach = ENDLESS * (1.0 + max(float(np.abs(M).max()) for M in [*frames, *[M for M, _ in still]]))
-    for M, met in still:
-        if met.mesh is None:
-            rows.append(Row(-1, M[:3, 3] - reach * M[:3, 2], M[:3, :3], (reach,) * 3) if isinstance(met.shape, Plane) else
-                        Row.of(-1, M, met))
-    meshes = [((met.mesh[0] + met.center) @ M[:3, :3].T + M[:3, 3], met.mesh[1]) for M, met in still if met.mesh is not None]
+    still = [(c.motion.at(0.0), met, c.path) for c in scene.colliders if (met := as_met(c, False)) is not None]
+    reach = ENDLESS * (1.0 + max(float(np.abs(M).max()) for M in [*frames, *[M for M, *_ in still]]))
+    for M, met, path in still:
+        if isinstance(met.shape, Plane):
+            rows.append(Row(-1, M[:3, 3] - reach * M[:3, 2], M[:3, :3], (reach,) * 3, path=path))
+        elif met.mesh is None:
+            rows.append(Row.of(-1, M, met, path))
+    meshes = [(((met.mesh[0] + met.center) @ M[:3, :3].T + M[:3, 3])[met.mesh[1]], path) for M, met, path in still if met.mesh]
     return Solids(rows), meshes
 
 
@@ -115,17 +117,41 @@ class Touches:
     count: np.ndarray             # (m,) how many of the corners differ: 4, 2 of a line, 1
 
     def joined(self, other: "Touches") -> "Touches":
-        return Touches(*(np.concatenate([getattr(self, name), getattr(other, name)])
-                         for name in ("a", "b", "n", "points", "count")))
+        return Touches(*(np.concatenate(each) for each in zip(self.arrays, other.arrays, strict=True)))
+
+    def part(self, keep: np.ndarray) -> "Touches":
+        return Touches(*(each[keep] for each in self.arrays))
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        return self.a, self.b, self.n, self.points, self.count
 
 
-def touching(s: Solids, meshes: list) -> Touches:
-    """Pairs that touch, each of a body at least."""
+def touching(scene, bodies: list) -> tuple[Solids, Touches]:
+    """Shapes of a scene, and the pairs of them that touch, each of a body at least, and which no filter keeps apart."""
+    s, meshes = solids_of(scene, bodies)
     i, j = near(s)
     found = _patches(s, *_apart(s, i, j))
-    for points, triangles in meshes:
-        found = found.joined(_on_mesh(s, points[triangles]))
-    return found
+    other = found.b
+    for k, (corners, _) in enumerate(meshes):
+        more = _on_mesh(s, corners)
+        found, other = found.joined(more), np.concatenate([other, np.full(len(more.a), len(s.body) + k)])
+    if scene.things("Group") or scene.things("Parted"):
+        found = found.part(~filtered(scene, bodies, s, [path for _, path in meshes])[found.a, other])
+    return s, found
+
+
+def filtered(scene, bodies: list, s: Solids, meshes: list[str]) -> np.ndarray:
+    """Table of the shapes, meshes behind the others, that filters keep from touching each other."""
+    from wsim.physics.rigid.joints.filters.groups import filters
+    paths, body = [*s.paths, *meshes], [*s.body, *[-1] * len(meshes)]
+    found = filters(scene, [(path, min(k, 0)) for path, k in zip(paths, body, strict=True)],
+                    [bodies[k].path if k >= 0 else "" for k in body])
+    if found is None:
+        return np.zeros((len(paths), len(paths)), bool)
+    table = found.table[np.ix_(found.kind, found.kind)].copy()
+    table[np.repeat(np.arange(len(paths)), np.diff(found.first)), found.parted] = True
+    return table
 
 
 def near(s: Solids) -> tuple[np.ndarray, np.ndarray]:
