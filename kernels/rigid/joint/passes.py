@@ -24,6 +24,8 @@ def bodies(real):
         for b in range(i, rig.b.w.shape[0], threads):
             p = rig.now.p[b]
             L = rig.now.L[b]
+            J.p[b] = double3(p)
+            J.L[b] = double3(L)
             forces(b, h, rig)
             J.dp[b] = double3(kicked(p, rig.b.push[b], rig.b.drag[b], half)) - double3(rig.now.p[b])
             J.dL[b] = double3(kicked(L, rig.b.torque[b], rig.b.spin_drag[b], half)) - double3(rig.now.L[b])

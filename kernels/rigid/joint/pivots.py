@@ -4,7 +4,7 @@ With z what a sweep adds to a row's impulse h + p (limit or lock, drive), and g'
 that falls, of which its `active` names the piece (tables.py):
 
     LOWEST   A z = -under,  h >= 0           HIGHEST   A z = -over,  h <= 0          HELD   A z = -under
-    DRIVEN   A z + Gamma z = much            TOP, BOTTOM   p = h most, -h most       NONE   h = 0
+    DRIVEN   A z + Gamma z = much            TOP, BOTTOM   p = give, -give           NONE   h = 0
     where none of the first two:  under + A z >= 0 >= over + A z
 
 A drive at a limit gives what it gives at that rate, p = clamp(p_0 + (much - A z) / Gamma). All rows whose piece is wrong for
@@ -30,9 +30,9 @@ def driven(j: int, r: int, driving: int, J: Linked):
 
 
 @wp.func
-def pushed(j: int, r: int, h: wp.float64, J: Linked):
+def pushed(j: int, r: int, J: Linked):
     """(impulse of a drive where a row's rate is, the piece that it is on)."""
-    most = h * J.t.most[j, r]
+    most = J.give[j, r]
     p = J.push[j, r] + (J.much[j, r] - J.change[j, r]) / J.soft[j, r]
     piece = DRIVEN
     slack = wp.float64(1.0)
@@ -46,7 +46,7 @@ def pushed(j: int, r: int, h: wp.float64, J: Linked):
 
 
 @wp.func(inline=False)
-def fitting(j: int, r: int, driving: int, h: wp.float64, J: Linked):
+def fitting(j: int, r: int, driving: int, J: Linked):
     """The piece of a row that fits the solution."""
     acts = J.active[j, r]
     z = J.rhs[j, r]
@@ -55,7 +55,7 @@ def fitting(j: int, r: int, driving: int, h: wp.float64, J: Linked):
     loose = NONE
     if driven(j, r, driving, J):
         before = before + J.push[j, r]
-        p, loose = pushed(j, r, h, J)
+        p, loose = pushed(j, r, J)
     ends = before + z - p
     small = ROUND * (wp.abs(before) + wp.abs(z) + wp.abs(p))
     rate = J.change[j, r] + J.ease[j, r] * z
@@ -77,15 +77,15 @@ def fitting(j: int, r: int, driving: int, h: wp.float64, J: Linked):
 
 
 @wp.func
-def known(j: int, r: int, h: wp.float64, J: Linked):
+def known(j: int, r: int, J: Linked):
     """Impulse of a row without an equation: all that its drive has, or nothing."""
     z = wp.float64(0.0)
     if J.active[j, r] == NONE:
         z = -J.hold[j, r]
     elif J.active[j, r] == TOP:
-        z = h * J.t.most[j, r] - J.push[j, r] - J.hold[j, r]
+        z = J.give[j, r] - J.push[j, r] - J.hold[j, r]
     elif J.active[j, r] == BOTTOM:
-        z = -h * J.t.most[j, r] - J.push[j, r] - J.hold[j, r]
+        z = -J.give[j, r] - J.push[j, r] - J.hold[j, r]
     return z
 
 
@@ -134,13 +134,13 @@ def changed(g: int, J: Linked):
 
 
 @wp.func(inline=False)
-def equations(g: int, h: wp.float64, J: Linked):
+def equations(g: int, J: Linked):
     """Right sides of what acts; rhs of other rows is what they add."""
     six = int(6)
     some = int(0)
     for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
         for r in range(six):
-            z = known(j, r, h, J)
+            z = known(j, r, J)
             J.rhs[j, r] = z
             if z != wp.float64(0.0):
                 some = 1
@@ -160,7 +160,7 @@ def equations(g: int, h: wp.float64, J: Linked):
 
 
 @wp.func(inline=False)
-def judged(g: int, driving: int, h: wp.float64, J: Linked):
+def judged(g: int, driving: int, J: Linked):
     """`next` of all rows; how many were wrong."""
     six = int(6)
     open = int(0)
@@ -173,7 +173,7 @@ def judged(g: int, driving: int, h: wp.float64, J: Linked):
         changed(g, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             for r in range(six):
-                J.next[j, r] = fitting(j, r, driving, h, J)
+                J.next[j, r] = fitting(j, r, driving, J)
                 if J.next[j, r] != J.active[j, r]:
                     wrong += 1
     return wrong
@@ -194,13 +194,13 @@ def one_alone(g: int, J: Linked):
 
 
 @wp.func(inline=False)
-def borne(j: int, r: int, driving: int, h: wp.float64, J: Linked):
+def borne(j: int, r: int, driving: int, J: Linked):
     """Impulse of row r that a solution adds, within what it may give; the sums are noted."""
     acts = J.active[j, r]
     hold = J.hold[j, r]
     push = J.push[j, r]
     z = J.rhs[j, r]
-    most = h * J.t.most[j, r]
+    most = J.give[j, r]
     if acts == HELD:
         J.hold[j, r] = hold + z
     elif acts == NONE:
@@ -208,7 +208,7 @@ def borne(j: int, r: int, driving: int, h: wp.float64, J: Linked):
     elif acts >= LOWEST and acts <= HIGHEST:
         given = push
         if driven(j, r, driving, J):
-            given, _piece = pushed(j, r, h, J)
+            given, _piece = pushed(j, r, J)
         J.push[j, r] = given
         after = hold + z - (given - push)
         if acts == LOWEST:
@@ -222,7 +222,7 @@ def borne(j: int, r: int, driving: int, h: wp.float64, J: Linked):
 
 
 @wp.func(inline=False)
-def settled(g: int, driving: int, h: wp.float64, J: Linked):
+def settled(g: int, driving: int, J: Linked):
     """Impulses of an island that fit all of its rows: P and T of bodies. next: the first guess; driving: 1 where drives act."""
     six = int(6)
     best = int(1 << 30)
@@ -238,9 +238,9 @@ def settled(g: int, driving: int, h: wp.float64, J: Linked):
                     other = 1
         if other == 1:
             factored(first, last, J)
-        equations(g, h, J)
+        equations(g, J)
         solved(first, last, J)
-        wrong = judged(g, driving, h, J)
+        wrong = judged(g, driving, J)
         if wrong == 0:
             break
         tries -= 1
@@ -251,5 +251,5 @@ def settled(g: int, driving: int, h: wp.float64, J: Linked):
             one_alone(g, J)
     for j in range(first, last):
         for r in range(six):
-            J.rhs[j, r] = borne(j, r, driving, h, J)
+            J.rhs[j, r] = borne(j, r, driving, J)
     moved(g, J)

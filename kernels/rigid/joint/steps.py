@@ -1,9 +1,9 @@
 """Substeps of an island of joints: functions for one thread, and the kernel of islands that meet nothing.
 
     placed   bodies' places and inertia, rows of joints, where a substep begins
-    begun    impulses to 0, drives
+    begun    impulses to 0, laws of drives
     solve    a sweep: where velocities lead to, what rows ask for, impulses that fit all of them (pivots.py)
-    relax    velocities along what is held, at the new places; joints that broke
+    relax    velocities along what is held or driven, at the new places; joints that broke
 
 Bodies that joints alone move are placed by their momentum less half of the kick of the forces, as free ones are; the rest of it
 comes behind: leapfrog. Islands of which a body is in contact are placed by all of it, as contacts expect.
@@ -17,10 +17,12 @@ import warp as wp
 
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.joint.coordinates import place_of, unwound
+from wsim.kernels.rigid.joint.drives import ask_drive, ask_drive_last, prepare_drives, renew_masses
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.frames import ends_of, lined, measure_turn
 from wsim.kernels.rigid.joint.pivots import settled
-from wsim.kernels.rigid.joint.rows import drive, relaxed, wanted
+from wsim.kernels.rigid.joint.rows import relaxed, wanted
+from wsim.kernels.rigid.joint.tables import NONE
 from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near, structs
 
 FAST = wp.constant(wp.float64(0.25))     # [rad] of a turn in a substep: RATTLE has no solution for a joint that turns much more
@@ -32,6 +34,29 @@ CONTACT, JOINT = wp.constant(1), wp.constant(2)       # what touched a body in a
 def rounded(v: wp.vec3d, like: Any):
     """v in the type of `like`."""
     return type(like)(type(like[0])(v[0]), type(like[0])(v[1]), type(like[0])(v[2]))
+
+
+@wp.func
+def touching(j: int, J: Linked):
+    """1 where a contact has touched the island of a joint in this substep (`then` notes it of all its bodies)."""
+    i = wp.max(J.t.a[j], J.t.b[j])
+    return wp.where(J.touched[i] == CONTACT, 1, 0)
+
+
+@wp.func
+def asked_row(j: int, r: int, contact: int, h: wp.float64, then: wp.float64, rate: wp.float64, J: Linked):
+    """Wants of row r in a sweep. then: its coordinate at the end of the substep; rate: of the velocities now."""
+    if J.t.drive[j, r] > NONE:
+        ask_drive(j, r, contact, h, (then - J.now[j, r]) / h, rate, J)
+    J.next[j, r] = wanted(j, r, h, then, J)
+
+
+@wp.func
+def relaxed_row(j: int, r: int, driving: int, h: wp.float64, rate: wp.float64, J: Linked):
+    """Wants of row r behind the places."""
+    if driving == 1 and J.t.drive[j, r] > NONE:
+        ask_drive_last(j, r, h, rate, J)
+    J.next[j, r] = relaxed(j, r, driving, rate, J)
 
 
 @wp.func
@@ -120,9 +145,9 @@ def functions(real):
         return u, omega
 
     @wp.func(inline=False)
-    def given(g: int, driving: int, h: wp.float64, now: Moving, J: Linked):
+    def given(g: int, driving: int, now: Moving, J: Linked):
         """Impulses that fit all rows, on the bodies of an island."""
-        settled(g, driving, h, J)
+        settled(g, driving, J)
         for m in range(J.t.first_body[g], J.t.first_body[g + 1]):
             i = J.t.body[m]
             now.p[i] = rounded(double3(now.p[i]) + J.P[i], now.p[i])
@@ -138,7 +163,7 @@ def functions(real):
                 J.hold[j, r] = wp.float64(0.0)
                 J.push[j, r] = wp.float64(0.0)
                 J.active[j, r] = -1
-            drive(j, k, h, J)
+            prepare_drives(j, k, h, J)
 
     @wp.func(inline=False)
     def fast(j: int, h: wp.float64, now: Moving, J: Linked):
@@ -157,6 +182,7 @@ def functions(real):
         at = place_of(e, J.t.form[j], J.t.cone[j])
         u, omega = rate_of(j, k, wp.float64(0.0), now, J)
         lead, whirl = rate_of(j, k, wp.float64(1.0), now, J)
+        contact = touching(j, J)
         part = fast(j, h, now, J)
         if J.t.closed[j] == 1 and J.active[j, 0] < 0:
             measure_turn(j, e, at, part, J)
@@ -167,38 +193,42 @@ def functions(real):
         three = int(3)
         for r in range(three):
             line = J.now[j, r] + h * lead[r]
-            J.next[j, r] = wanted(j, r, h, line + part * (at.shift[r] - line), u[r], J)
+            asked_row(j, r, contact, h, line + part * (at.shift[r] - line), u[r], J)
             line = J.now[j, 3 + r] + h * whirl[r]
             then_at = at.turned[r]
             if r == 0:
                 then_at = unwound(then_at, J.quarters[j])
-            J.next[j, 3 + r] = wanted(j, 3 + r, h, line + part * (then_at - line), omega[r], J)
+            asked_row(j, 3 + r, contact, h, line + part * (then_at - line), omega[r], J)
 
     @wp.func
     def solve(g: int, k: int, h: wp.float64, b: Bodies, now: Moving, J: Linked):
         then(g, h, b, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             asked(j, k, h, now, J)
-        given(g, 1, h, now, J)
+        given(g, 1, now, J)
 
     @wp.func(inline=False)
     def relax(g: int, k: int, h: wp.float64, now: Moving, J: Linked):
         three = int(3)
         times = int(1)
+        driving = 1 - touching(J.t.first_joint[g], J)
         if J.t.closed[J.t.first_joint[g]] == 1:
             times = RELAX
+        if driving == 1:
+            for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
+                renew_masses(j, J)
         for sweep in range(times):
             for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
                 u, omega = rate_of(j, k, wp.float64(0.0), now, J)
                 u = J.axis[j] * u
                 omega = J.turn[j] * omega
                 for r in range(three):
-                    J.next[j, r] = relaxed(j, r, u[r], J)
-                    J.next[j, 3 + r] = relaxed(j, 3 + r, omega[r], J)
+                    relaxed_row(j, r, driving, h, u[r], J)
+                    relaxed_row(j, 3 + r, driving, h, omega[r], J)
                     if sweep == 0:
                         J.active[j, r] = -1
                         J.active[j, 3 + r] = -1
-            given(g, 0, h, now, J)
+            given(g, driving, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             broke(j, h, J)
 
@@ -206,6 +236,8 @@ def functions(real):
     def kicks(i: int, h: real, b: Bodies, now: Moving, J: Linked):
         """Forces of a substep."""
         half = real(0.5) * h
+        J.p[i] = double3(now.p[i])
+        J.L[i] = double3(now.L[i])
         p = kicked(now.p[i], b.push[i], b.drag[i], h)
         L = kicked(now.L[i], b.torque[i], b.spin_drag[i], h)
         J.dp[i] = double3(kicked(now.p[i], b.push[i], b.drag[i], half)) - double3(p)

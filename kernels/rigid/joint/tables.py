@@ -31,6 +31,7 @@ def structs():
         apart: wp.array(dtype=wp.vec3d)              # origin of b from that of a [m]
         form: wp.array(dtype=int)
         closed: wp.array(dtype=int)                  # 1: its island has a loop
+        alone: wp.array(dtype=int)                   # 1: nothing but its one drive and free motion moves its bodies
         cone: wp.array(dtype=wp.vec2d)               # 1 / half angle [1/rad]
         kind: wp.array2d(dtype=int)
         low: wp.array2d(dtype=wp.float64)            # [m], [rad]
@@ -56,8 +57,8 @@ def structs():
         anchor_q: wp.array2d(dtype=wp.quatd)
         anchor_v: wp.array2d(dtype=wp.vec3d)
         anchor_o: wp.array2d(dtype=wp.vec3d)
-        aiming: int                                  # 1: targets and speeds vary in time, [substep, joint, row]
-        aim: wp.array3d(dtype=wp.float64)            # at its end, in the place of target and speed
+        aiming: int                                  # 1: targets and speeds vary in time, [end of a substep, joint, row]
+        aim: wp.array3d(dtype=wp.float64)            # in the place of target and speed; first where the frame begins
         pace: wp.array3d(dtype=wp.float64)
 
     @wp.struct
@@ -70,6 +71,8 @@ def structs():
         S: wp.array(dtype=wp.mat33d)
         dp: wp.array(dtype=wp.vec3d)                 # what a place is taken by, less the momentum behind the forces
         dL: wp.array(dtype=wp.vec3d)
+        p: wp.array(dtype=wp.vec3d)                  # momenta before the forces of the substep
+        L: wp.array(dtype=wp.vec3d)
         P: wp.array(dtype=wp.vec3d)                  # impulses of a sweep
         T: wp.array(dtype=wp.vec3d)
         touched: wp.array(dtype=int)
@@ -80,8 +83,11 @@ def structs():
         now: wp.array2d(dtype=wp.float64)            # coordinates where the substep begins
         hold: wp.array2d(dtype=wp.float64)           # impulses of the substep [N s], [N m s]
         push: wp.array2d(dtype=wp.float64)
-        soft: wp.array2d(dtype=wp.float64)           # of a drive: Gamma, bias
-        bias: wp.array2d(dtype=wp.float64)
+        early: wp.array2d(dtype=wp.vec2d)            # laws of a drive (drives.py): 1 / a, and what is added to u
+        late: wp.array2d(dtype=wp.vec4d)             # 1 / a', W at g = g' = 0, d / h, m
+        beside: wp.array2d(dtype=wp.vec2d)           # backward Euler, as `early`
+        soft: wp.array2d(dtype=wp.float64)           # of a drive now: Gamma, and the impulse that it gives at most
+        give: wp.array2d(dtype=wp.float64)
         under: wp.array2d(dtype=wp.float64)          # what a row asks for: rates beyond its lowest end, or of a lock
         over: wp.array2d(dtype=wp.float64)           # beyond its highest
         much: wp.array2d(dtype=wp.float64)           # of a drive

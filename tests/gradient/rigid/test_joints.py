@@ -64,6 +64,7 @@ SCENES = {
     "cone": lambda: pair(hung(cone=(0.02, 0.03)), second(spherical), iterations=16),
     "driven": lambda: pair(hung(revolute, axis=Y, drives={"rotX": DRIVE}),
                            second(revolute, axis=Y, drives={"rotX": turning("acceleration")})),
+    "driven alone": lambda: pair(hung(revolute, axis=Y, drives={"rotX": turning("acceleration")})),
     "driven D6": lambda: pair(hung(), second(between, limits={"transX": (0.0, 0.0), "rotX": (0.0, 0.0)}, drives={
         "transY": DRIVE, "transZ": turning("force"), "rotY": turning("force"), "rotZ": DRIVE})),
     "most": lambda: pair(hung(revolute, axis=Y, drives={"rotX": Drive(900.0, 2.0, 0.9, most=3.0)}), second(spherical),
@@ -125,6 +126,7 @@ def test_every_kind_of_joint_has_the_slope_of_differences(kind):
 
 DRIVES = [pytest.param(kind, f"/{path}:{name}", id=f"{kind} {path} {name}") for kind in ("driven", "driven D6")
           for path in ("second", "first") for name in ("target", "stiffness", "damping")]
+DRIVES += [pytest.param("driven alone", f"/first:{name}", id=f"alone {name}") for name in ("target", "stiffness", "damping")]
 
 
 @pytest.mark.parametrize("kind, name", first_and_slow(DRIVES))

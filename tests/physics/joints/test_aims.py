@@ -59,7 +59,7 @@ def driven_by_scipy(name: str) -> tuple[float, float]:
 @pytest.mark.parametrize(("name", "beside"), [("target", False), ("speed", False),
                                               pytest.param("target", True, marks=pytest.mark.slow)])
 def test_what_a_drive_moves_along_a_curve_converges_with_its_steps(name, beside):
-    """Order 1, as of the implicit drive, at five frames a half second. beside: contacts of other bodies share the steps."""
+    """Order 2, at five frames a half second. beside: contacts of other bodies share the steps."""
     x, v = driven_by_scipy(name)
     errors = []
     for substeps in (8, 16, 32):
@@ -73,7 +73,7 @@ def test_what_a_drive_moves_along_a_curve_converges_with_its_steps(name, beside)
         rigid = sim.plan.method("rigid")
         errors.append((abs(rigid.poses()[0, 0, 3] - x), abs(rigid.velocities()[0, 0] - v)))
     seen = np.log2(np.array(errors)[:-1] / np.array(errors)[1:])
-    assert seen.min() > 0.8, (errors, seen)
+    assert seen.min() > 1.8, (errors, seen)
 
 
 def test_a_target_that_is_set_by_hand_stays_in_its_world():

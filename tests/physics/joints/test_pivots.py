@@ -38,8 +38,8 @@ def swept(sim) -> dict:
     held, _ = jointed_parts(sim.plan.model.real, "test_pivots")
     steps, joints = wp.vec3i(0, 1, 1), method.joints
     wp.launch(held, joints.islands, [steps, 1.0 / 480.0, method.table, joints.linked, method.moving()], device="cpu")
-    names = ("axis", "turn", "r_a", "r_b", "S", "under", "over", "much", "soft", "hold", "push")
-    t = {name: getattr(joints.linked.t, name).numpy() for name in ("a", "b", "w", "kind", "drive", "most")}
+    names = ("axis", "turn", "r_a", "r_b", "S", "under", "over", "much", "soft", "give", "hold", "push")
+    t = {name: getattr(joints.linked.t, name).numpy() for name in ("a", "b", "w", "kind", "drive")}
     return {name: getattr(joints.linked, name).numpy() for name in names} | t
 
 
@@ -63,9 +63,8 @@ def matrix(f: dict) -> np.ndarray:
 def gauss_seidel(f: dict) -> tuple[np.ndarray, float]:
     """Impulses of all rows, and what the last sweep changed of the largest, as a part."""
     A, z, more = matrix(f), np.zeros(f["kind"].size), 0.0
-    under, over, much, soft, kind, drive, most = (f[name].ravel() for name in ("under", "over", "much", "soft", "kind", "drive",
-                                                                                "most"))
-    most = np.where(np.isfinite(most), most / 480.0, inf)
+    names = ("under", "over", "much", "soft", "kind", "drive", "give")
+    under, over, much, soft, kind, drive, most = (f[name].ravel() for name in names)
     for _ in range(40000):
         more = 0.0
         for r, own in enumerate(np.diag(A)):
@@ -93,7 +92,7 @@ def test_one_sweep_is_where_sweeps_of_single_rows_end(limited, driven):
         z, left = gauss_seidel(f)
         found = (f["hold"] + f["push"]).ravel()
         assert left < 1e-13 and np.abs(found - z).max() < 1e-9 * np.abs(z).max()
-        assert (np.abs(f["push"].ravel()) <= f["most"].ravel() / 480.0 * (1 + 1e-12)).all()
+        assert (np.abs(f["push"].ravel()) <= f["give"].ravel() * (1 + 1e-12)).all()
         met.append(np.sum((f["hold"] != 0.0) & (f["kind"] == LIMITED)))
     assert np.mean(met) >= 0.5 * limited                               # of both joints together
 

@@ -1,5 +1,5 @@
-"""Targets and speeds of drives that vary in time, at the end of each substep of a frame: a drive pushes by what is asked for
-there (kernels/rigid/joint/rows.py), so that what it drives converges with its steps."""
+"""Targets and speeds of drives that vary in time, at the start of a frame and the end of each substep: between these a target
+goes evenly (kernels/rigid/joint/drives.py), so that what it drives converges with order 2."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def aims(scene) -> list:
 
 
 class Aims:
-    """Tables `aim` and `pace` of joints, (substeps, joints, 6): rows of drives that follow a curve, and the others as they are.
-    """
+    """Tables `aim` and `pace` of joints, (substeps + 1, joints, 6): rows of drives that follow a curve, and the
+    others as they are."""
 
     def __init__(self, joints, things: list):
         """joints: `wsim.physics.rigid.joints.tables.Joints`; things: of `aims`."""
@@ -38,14 +38,14 @@ class Aims:
             del self.ways[key]
 
     def before_frame(self, time: float, clock: Clock) -> None:
-        linked, times = self.joints.linked, time + clock.h * np.arange(1, clock.substeps + 1)
+        linked, times = self.joints.linked, time + clock.h * np.arange(clock.substeps + 1)
         t = linked.t
         for name, field in zip(AIMS, ("aim", "pace"), strict=True):
             still = np.array(getattr(t, name).numpy())
-            rows = np.tile(still, (clock.substeps, 1, 1))
+            rows = np.tile(still, (clock.substeps + 1, 1, 1))
             for (_, which, _), (curve, at) in self.ways.items():
                 if which == name:
-                    rows[:, at[0], at[1]] = curve.sampled(times).reshape(clock.substeps, -1)
+                    rows[:, at[0], at[1]] = curve.sampled(times).reshape(clock.substeps + 1, -1)
             self.stir(name, rows)
             if t.aiming == 0 or getattr(t, field).shape != rows.shape:
                 setattr(t, field, wp.zeros(rows.shape, dtype=wp.float64, device=self.joints.device))

@@ -36,6 +36,11 @@ class Order:
             found[first:last] = last - first > own - 1 + hung
         return found
 
+    def single(self) -> np.ndarray:
+        """1 for joints that are the only one of their island, (joints,)."""
+        many = np.diff(self.first_joint)
+        return np.repeat(many == 1, many).astype(int)
+
     def repeated(self, times: int, bodies: int) -> "Order":
         """The same of several worlds with so many bodies each."""
         n, e = len(self.joint), len(self.near)

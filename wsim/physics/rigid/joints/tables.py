@@ -76,7 +76,7 @@ class Joints:
         one = ordered(pairs, len(rows))
         self.order_of = one.joint
         self.joints, self.pairs = [self.every[k][1] for k in one.joint], pairs[one.joint]
-        self.closed = one.closed(self.pairs)
+        self.closed, self.single = one.closed(self.pairs), one.single()
         worlds = b.model.worlds
         self.order = one.repeated(worlds, len(rows))
         self.count, self.islands = len(self.joints) * worlds, len(self.order.first_joint) - 1
@@ -106,18 +106,17 @@ class Joints:
         self.anchor = np.array([_origin(j) for j in self.joints])
         from_to = [[origin[row] if row >= 0 else self.anchor[k] for row in pair] for k, pair in enumerate(self.pairs)]
         body = [np.where(self.pairs[:, s] < 0, -1, self.pairs[:, s] + per * w) for w in range(worlds) for s in (0, 1)]
-        shape, rows = {}, [_rows(j) for j in self.joints]
-        for name in ("kind", "drive"):
-            shape[name] = up(np.concatenate([[r[name] for r in rows]] * worlds), int)
-        for name in ("low", "high", "stiffness", "damping", "target", "speed", "most"):
-            shape[name] = up(np.concatenate([[r[name] for r in rows]] * worlds), wp.float64)
-        names = ("first_joint", "first_body", "body", "first_near", "near", "first_target")
-        lists = {name: up(getattr(order, name), int) for name in names}
+        rows = [_rows(j) for j in self.joints]
+        shape = {name: tiled([r[name] for r in rows], int if name in ("kind", "drive") else wp.float64) for name in rows[0]}
+        lists = {name: up(getattr(order, name), int)
+                 for name in ("first_joint", "first_body", "body", "first_near", "near", "first_target")}
+        alone = self.single * [sum(drive > 0 for drive in r["drive"]) == 1 for r in rows]
         t = filled(Joints, a=up(np.concatenate(body[0::2]), int), b=up(np.concatenate(body[1::2]), int),
                    at_a=tiled([s[0] for s in sides[0::2]], wp.vec3d), at_b=tiled([s[0] for s in sides[1::2]], wp.vec3d),
                    turn_a=tiled([s[1] for s in sides[0::2]], wp.quatd), turn_b=tiled([s[1] for s in sides[1::2]], wp.quatd),
                    apart=tiled([b - a for a, b in from_to], wp.vec3d), form=tiled([_form(j) for j in self.joints], int),
-                   closed=tiled(self.closed, int), cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
+                   closed=tiled(self.closed, int), alone=tiled(alone, int),
+                   cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
                    breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
                    w=up([1.0 / m.mass for m in masses], wp.float64),
                    linked=up(np.isin(np.arange(bodies), np.concatenate(body)), int),
@@ -166,9 +165,10 @@ class Joints:
     def _work(self, n: int, bodies: int) -> dict[str, Any]:
         def zeros(shape, dtype=wp.float64):
             return wp.zeros(shape, dtype=dtype, device=self.device)
-        found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "bias", "rhs", "under", "over", "much",
+        found = {name: zeros((n, 6)) for name in ("now", "hold", "push", "soft", "give", "rhs", "under", "over", "much",
                                                       "change", "turned", "ease")}
-        found |= {name: zeros(bodies, wp.vec3d) for name in ("X", "dp", "dL", "P", "T")}
+        found |= {name: zeros((n, 6), wp.vec2d) for name in ("early", "beside")} | {"late": zeros((n, 6), wp.vec4d)}
+        found |= {name: zeros(bodies, wp.vec3d) for name in ("X", "p", "L", "dp", "dL", "P", "T")}
         found |= {name: zeros(n, wp.mat33d) for name in ("axis", "turn")}
         return found | {"Q": zeros(bodies, wp.quatd), "S": zeros(bodies, wp.mat33d), "touched": zeros(bodies, int),
                         "r_a": zeros(n, wp.vec3d), "r_b": zeros(n, wp.vec3d),

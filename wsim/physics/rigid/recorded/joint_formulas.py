@@ -2,7 +2,7 @@
 coordinates where it ends, velocities behind it.
 
     rest of a lock or limit     g(x', q') - goal - what is left of an error = 0
-    rest of a drive             h (h k + c) g' + h (k (g - target) - c speed) + P = 0,  P the impulse, g' at the momenta
+    rest of a drive             its laws of kernels/rigid/joint/drives.py, before and behind the places
     rest of what does not act   its impulse
 
 All arrays have axes (..., joints, size): pose and then are x, theta of a, and of b: places from the origin and a turn before
@@ -17,7 +17,8 @@ from wsim.kernels.rigid.joint.coordinates import CONE, DISTANCE
 from wsim.kernels.rigid.joint.elimination import EASE
 from wsim.kernels.rigid.joint.rows import PULL, SPIN
 from wsim.kernels.rigid.joint.steps import FAST
-from wsim.kernels.rigid.joint.tables import ACCELERATION, DRIVEN, HELD, HIGHEST, LOCKED, LOWEST
+from wsim.kernels.rigid.joint.tables import ACCELERATION, DRIVEN, HELD, HIGHEST, LOWEST, NONE
+from wsim.physics.rigid.recorded.drive_formulas import Law, drive_law, effective_mass, springs
 from wsim.physics.rigid.recorded.local import Values
 from wsim.physics.rigid.recorded.rotation import (
     acted,
@@ -44,6 +45,7 @@ class Tables:
     apart: np.ndarray
     form: np.ndarray
     closed: np.ndarray
+    alone: np.ndarray
     cone: np.ndarray
     kind: np.ndarray
     drive: np.ndarray
@@ -157,21 +159,6 @@ def left(error: np.ndarray, h: float) -> np.ndarray:
     return np.where(np.abs(error.real) <= most, 0.0, error - np.sign(error.real) * most)
 
 
-def driven(t: Tables, A: np.ndarray, v: Values) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness and damping of drives; those of accelerations per effective mass."""
-    if not (t.drive == int(ACCELERATION)).any():
-        return v["stiffness"], v["damping"]
-    A, diagonal = A + 0.0, np.einsum("...ii->...i", A).real
-    for m in range(6):
-        on = (t.kind[:, m] == int(LOCKED)) & (A[..., m, m].real > 1.0e-12 * diagonal[..., m])
-        part = np.where(on[..., None], A[..., :, m] / np.where(on, A[..., m, m], 1.0)[..., None], 0.0)
-        part[..., m] = 0.0
-        A = A - part[..., :, None] * A[..., m:m + 1, :]
-    size = np.einsum("...ii->...i", A)
-    mass = np.where(t.drive == int(ACCELERATION), 1.0 / np.where(np.abs(size) > 1.0e-300, size, 1.0), 1.0)
-    return mass * v["stiffness"], mass * v["damping"]
-
-
 @dataclass
 class Substep:
     """Constants of all joints in a substep; acts (joints, 6) of its rows (kernels/rigid/joint/tables.py), 0 of those that give
@@ -187,12 +174,12 @@ class Substep:
     full: np.ndarray
 
     def held(self, v: Values) -> Values:
-        """impulse (12) and rest (6) of the substep, of pose, then, momentum, placing, f, mass, stiffness, damping, target."""
+        """impulse (12) and rest (6) of the substep, of pose, then, momentum, placing, begun (momentum before the forces), f,
+        mass, stiffness, damping, target."""
         t, h = self.t, self.h
         now, end = placed(t, v["pose"], self.q, self.quarters), placed(t, v["then"], self.Q, self.quarters)
         J, S = rows_of(now), spreads(v["pose"], self.q, v["mass"])
         JJ = np.concatenate(J, axis=-1)
-        rate = acted(JJ, moved(v["momentum"], S, v["mass"], self.given))
         line = now.g + h * acted(JJ, moved(v["placing"], S, v["mass"], self.given))
         part = self.part(v, S)[..., None]
         then = line + part * (end.g - line)
@@ -201,12 +188,26 @@ class Substep:
         error = left(now.g - goal, h)
         inside = (self.acts == int(LOWEST)) & (error.real > 0.0) | (self.acts == int(HIGHEST)) & (error.real < 0.0)
         error = np.where(inside, 0.0, error)
-        k, c = driven(t, response(J, S, v["mass"]), v)
-        spring = h * (h * k + c) * rate + h * (k * (now.g - v["target"]) - c * t.speed) + v["f"]
+        law, pull = self.drives(v, now, response(J, S, v["mass"]))
+        begun = acted(JJ, moved(v["begun"], S, v["mass"], self.given))
+        spring = v["f"] - 0.5 * pull - law.b * begun + law.a * (then - now.g) / h
         lock = (then - goal - error) / h
         on = np.isin(self.acts, (int(HELD), int(LOWEST), int(HIGHEST)))
         rest = np.where(on, lock, np.where(self.acts == int(DRIVEN), spring, v["f"] - np.where(self.full, v["f"].real, 0.0)))
         return {"impulse": impulses(J, v["f"]), "rest": rest}
+
+    def drives(self, v: Values, now: Placed, A: np.ndarray) -> tuple[Law, np.ndarray]:
+        """Laws of drives, and h (k (target - g) + c speed) where the substep begins."""
+        t, m = self.t, np.ones(A.shape[:-1])
+        if t.alone.any() or (t.drive == int(ACCELERATION)).any():
+            m = effective_mass(t.kind, A)
+        k, c = springs(t.drive, m, v["stiffness"], v["damping"])
+        return drive_law(self.h**2 * k, self.h * c, m, t.alone), self.h * (k * (v["target"] - now.g) + c * t.speed)
+
+    def masses(self, A: np.ndarray) -> np.ndarray:
+        """Effective masses of drives of accelerations, 1 of other rows."""
+        on = self.t.drive == int(ACCELERATION)
+        return np.where(on, effective_mass(self.t.kind, A), 1.0) if on.any() else np.ones(A.shape[:-1])
 
     def part(self, v: Values, S: list) -> np.ndarray:
         """Part of what is not linear that is believed, as `fast` of kernels/rigid/joint/steps.py."""
@@ -216,11 +217,23 @@ class Substep:
         return np.where(part.real > 1.0, 1.0, np.where(part.real < 0.0, 0.0, part))
 
     def loosed(self, v: Values) -> Values:
-        """The same behind the places, of then, momentum, f, before (impulses that rows have given), mass. Rows that would then
-        pull at their limit give back what they have given."""
+        """The same behind the places, of then, momentum, f, before (impulses that rows have given), mass, and origin (the pose
+        where the substep begins), begun, stiffness, damping, target. Rows that would then pull at their limit give back what
+        they have given."""
+        t, start = self.t, placed(self.t, v["origin"], self.q, self.quarters)
+        J, S = rows_of(start), spreads(v["origin"], self.q, v["mass"])
+        A = response(J, S, v["mass"])
+        (law, pull), mass = self.drives(v, start, A), self.masses(A)
+        begun = acted(np.concatenate(J, axis=-1), moved(v["begun"], S, v["mass"], self.given))
         end = placed(self.t, v["then"], self.Q, self.quarters)
         J, S = rows_of(end), spreads(v["then"], self.Q, v["mass"])
         rate = acted(np.concatenate(J, axis=-1), moved(v["momentum"], S, v["mass"], self.given))
         eased = float(EASE) * (self.t.closed == 0)[:, None] * np.einsum("...ii->...i", response(J, S, v["mass"])) * v["f"]
-        rest = np.where(self.acts > 0, rate + eased, v["f"] + np.where(self.full, v["before"], 0.0))
+        whole = v["f"] + v["before"]
+        more = self.masses(response(J, S, v["mass"])) / mass
+        given = pull + law.b_last * begun - law.a_last * rate - law.d * (end.g - start.g) / self.h
+        spring = v["f"] - more * (given - v["before"])
+        full = whole - np.where(t.drive > int(NONE), whole.real, 0.0)
+        rest = np.where(self.acts == int(HELD), rate + eased, np.where(self.acts == int(DRIVEN), spring,
+                                                                       np.where(self.full, full, v["f"])))
         return {"impulse": impulses(J, v["f"]), "rest": rest}

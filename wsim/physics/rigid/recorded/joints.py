@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rigid.joint.parts import jointed_parts
-from wsim.kernels.rigid.joint.tables import DRIVEN, FORCE, HELD, HIGHEST, LIMITED, LOCKED, LOWEST
+from wsim.kernels.rigid.joint.tables import BOTTOM, DRIVEN, FORCE, HELD, HIGHEST, LIMITED, LOCKED, LOWEST, TOP
 from wsim.model.stage import Clock
 from wsim.physics.rigid.joints.joint import LIVE
 from wsim.physics.rigid.recorded.joint_formulas import Substep, Tables
@@ -23,8 +23,8 @@ class JointSide:
         self.recorded, self.joints = recorded, recorded.method.joints
         t = self.joints.linked.t
         self.pairs = np.stack([t.a.numpy(), t.b.numpy()], axis=1)
-        own = {name: getattr(t, name).numpy() for name in ("apart", "form", "closed", "cone", "kind", "drive", "low", "high",
-                                                           "speed", "most")}
+        own = {name: getattr(t, name).numpy() for name in ("apart", "form", "closed", "alone", "cone", "kind", "drive", "low",
+                                                           "high", "speed", "most")}
         assert {f.name for f in fields(Tables)} == {*own, "at", "turn", "still"}
         self.t = Tables(at=(t.at_a.numpy(), t.at_b.numpy()), turn=(t.turn_a.numpy(), t.turn_b.numpy()), still=self.pairs < 0,
                         **own)
@@ -65,7 +65,7 @@ class JointSide:
         ends = (t.kind == int(LIMITED)) & whole
         acts = np.where(ends & (mid["hold"] > 0.0), int(LOWEST), np.where(ends & (mid["hold"] < 0.0), int(HIGHEST), acts))
         drives = (t.drive >= int(FORCE)) & whole
-        full = drives & (np.abs(mid["push"]) >= (1.0 - 1.0e-12) * h * t.most)
+        full = drives & (np.abs(mid["push"]) >= (0.5 - 1.0e-12) * h * t.most)
         if (both := drives & (acts > 0)).any():
             j = self.joints.joints[int(np.argwhere(both)[0, 0]) % len(self.joints.joints)]
             raise refuse("driven", j.path)
@@ -83,18 +83,22 @@ class JointSide:
         one = self.constants(h, kept, acts, full)
         values = {"pose": self.pose(kept["begin"].x, kept["anchors"][0]), "then": self.pose(kept["end"].x, kept["anchors"][1]),
                   "momentum": self.both(kept["momentum"]), "placing": self.both(b.placing), "f": mid["hold"] + mid["push"],
-                  "mass": self.mass(b), **{name: getattr(t, name).numpy() for name in LIVE}}
+                  "begun": self.both(kept["begin"].momentum), "mass": self.mass(b),
+                  **{name: getattr(t, name).numpy() for name in LIVE}}
         self.look(residual(one.held, values)[acts != int(DRIVEN)])
         return Elements(self.pairs, derivatives(one.held, values))
 
     def loosed(self, h: float, kept: dict, b: Bodies) -> Elements:
-        mid, last = kept["mid"], kept["last"]
-        limited = self.t.kind == int(LIMITED)
-        full = limited & (mid["hold"] != 0.0) & (last["hold"] == 0.0)
-        acts = np.where(np.isin(last["active"], (int(HELD), int(LOWEST), int(HIGHEST))) & ~full, 1, 0)
-        one = self.constants(h, kept, acts, full)
+        mid, last, t = kept["mid"], kept["last"], self.joints.linked.t
+        full = (self.t.kind == int(LIMITED)) & (mid["hold"] != 0.0) & (last["hold"] == 0.0)
+        held = np.isin(last["active"], (int(HELD), int(LOWEST), int(HIGHEST))) & ~full
+        acts = np.where(held, int(HELD), np.where(last["active"] == int(DRIVEN), int(DRIVEN), 0))
+        one = self.constants(h, kept, acts, full | np.isin(last["active"], (int(TOP), int(BOTTOM))))
+        before = mid["hold"] + mid["push"]
         values = {"then": self.pose(kept["end"].x, kept["anchors"][1]), "momentum": self.both(kept["end"].momentum),
-                  "f": last["hold"] - mid["hold"], "before": mid["hold"], "mass": self.mass(b)}
+                  "f": last["hold"] + last["push"] - before, "before": before, "mass": self.mass(b),
+                  "origin": self.pose(kept["begin"].x, kept["anchors"][0]), "begun": self.both(kept["begin"].momentum),
+                  **{name: getattr(t, name).numpy() for name in LIVE}}
         self.look(residual(one.loosed, values))
         return Elements(self.pairs, derivatives(one.loosed, values))
 
@@ -113,7 +117,8 @@ class JointSide:
                     np.add.at(found["w"], self.pairs[on, s], mass[on, 4 * s])
                     found["inverse"] = found["inverse"].copy()
                     np.add.at(found["inverse"], self.pairs[on, s], mass[on, 4 * s + 1:4 * s + 4])
-        return found | {f"joint {name}": total.by["held", name] for name in LIVE if ("held", name) in total.by}
+        return found | {f"joint {name}": total.by["held", name] + total.by["loosed", name]
+                        for name in LIVE if ("held", name) in total.by}
 
 
 class JointParts(JointSide):
@@ -134,7 +139,7 @@ class JointParts(JointSide):
             kept["mid"] = self.read("hold", "push", "broken", "quarters")
         r.model.launch(self.loosed_kernel, self.joints.islands, given, [now])
         if kept is not None:
-            kept["last"] = self.read("hold", "active")
+            kept["last"] = self.read("hold", "push", "active")
             kept["anchors"] = self.anchors(clock.k), self.anchors(clock.k + 1)
 
     def back(self, h: float, kept: dict, cot: Cotangents) -> None:
@@ -145,6 +150,12 @@ class JointParts(JointSide):
         f = behind({"loosed": self.loosed(h, kept, b)}, n, cot)["loosed"]
         first = within({"held": self.held(h, kept, b)}, b, h, cot, {"held": f})
         cot.pose += first
+        for kind in ("held", "loosed"):
+            for name, into in (("origin", cot.pose), ("begun", cot.momentum)):
+                if (more := cot.by.pop((kind, name), None)) is not None:
+                    for s in (0, 1):
+                        on = self.pairs[:, s] >= 0
+                        np.add.at(into, self.pairs[on, s], more[on, 6 * s:6 * s + 6])
 
 
 def taken_back(b: Bodies, h: float) -> np.ndarray:
