@@ -23,7 +23,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
-from wsim.kernels.rods.system import memory
+from wsim.kernels.rods.forces import memory
 from wsim.kernels.rods.tables import Motion, Strands
 
 REAL = wp.float64

@@ -6,9 +6,9 @@ Vouga, Wardetzky, Grinspun 2010 (section 4).
     kappa = ((m2_0 + m2_1).kb / 2, -(m1_0 + m1_1).kb / 2)      integrated curvatures, 2 tan(half of the turn) [1]
     twist                                                      angle from m1_0, transported along, to m1_1 [rad]
 
-Energies are those of integrated strains over the length that a point stands for: B |kappa - rest|^2 / (2 l),
-C (twist - rest)^2 / (2 l), and of an edge A (|e| / l - 1)^2 l / 2. Edges that fold back (t0.t1 = -1) have no curvature; it
-is held at FOLD.
+Energies are those of integrated strains over the length that a point stands for: B |kappa - rest|^2 / (2 l), C (twist -
+rest)^2 / (2 l), and of an edge A (|e| / l - 1)^2 l / 2. Damping: kernels/rods/forces.py. Edges that fold back (t0.t1 = -1)
+have no curvature; it is held at FOLD.
 """
 
 from functools import cache
@@ -71,9 +71,22 @@ def spinning(s: wp.vec3d, rest: wp.vec3d):
     return wp.vec3d(half * c * rest[1], -half * c * rest[0], half * (like - c * c * size))
 
 
+@wp.func
+def spinning_damped(turn: wp.vec3d, u: wp.vec3d, w: wp.vec3d, gain: wp.float64):
+    """`spinning` with damping, whose stiffness is `gain` times the elastic one; u, w: gradients of the strains by both angles.
+
+    Damping has the mean d of these gradients, elasticity c of `turn`. c^2 + gain d^2 = (1 + gain) g^2 + gain (c - d)^2 / (1 +
+    gain), g their weighed mean; what stands last acts on the sum of both angles, and counts twice for each."""
+    half, one = wp.float64(0.5), wp.float64(1.0)
+    d = wp.vec3d(half * (u[0] + w[0]), half * (u[1] + w[1]), turn[2])
+    off = turn - d
+    g = (turn + d * gain) / (one + gain)
+    return wp.vec3d(g[0], g[1], turn[2] + wp.float64(2.0) * gain / (one + gain) * (off[0] * off[0] + off[1] * off[1]))
+
+
 @cache
 def bend() -> SimpleNamespace:
-    """Struct Bend (strains of a point and their gradients) and function strains(t0, t1, l0, l1, m0, m1, last) -> Bend."""
+    """Struct Bend (strains of a point and their gradients), functions strains(t0, t1, l0, l1, m0, m1, last) -> Bend, rates."""
 
     @wp.struct
     class Bend:
@@ -103,4 +116,9 @@ def bend() -> SimpleNamespace:
         f.w = wp.vec3d(-half * wp.dot(kb, m1), -half * wp.dot(kb, n1), wp.float64(1.0))
         return f
 
-    return SimpleNamespace(Bend=Bend, strains=strains)
+    @wp.func
+    def rates(f: Bend, v0: wp.vec3d, v1: wp.vec3d, v2: wp.vec3d, w0: wp.float64, w1: wp.float64):
+        """Rates of the strains [1/s], of velocities of three points and spins of two edges."""
+        return f.a * (v1 - v0) + f.b * (v2 - v1) + f.u * w0 + f.w * w1
+
+    return SimpleNamespace(Bend=Bend, strains=strains, rates=rates)

@@ -14,7 +14,8 @@ import warp as wp
 from wsim.kernels.rods.contact import MET, NEW, OLD, Colliders, Touch, forget, touching
 from wsim.kernels.rods.element import transport, turned, twist, upright
 from wsim.kernels.rods.eliminate import backward
-from wsim.kernels.rods.system import forward, memory, take
+from wsim.kernels.rods.forces import memory
+from wsim.kernels.rods.system import forward, take
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
 
 TOLERANCE = wp.constant(wp.float64(1e-6))    # last correction over the shortest edge; 1e-8 took twice the time

@@ -20,8 +20,9 @@ from wsim.kernels.rods.air import blow, velocity
 from wsim.kernels.rods.contact import TINY, Colliders, expect_all, touching
 from wsim.kernels.rods.edges.inside import inside
 from wsim.kernels.rods.edges.sites import Inside
-from wsim.kernels.rods.element import bend, spinning, transport, turned, upright
+from wsim.kernels.rods.element import bend, transport, turned, upright
 from wsim.kernels.rods.eliminate import Window, eliminating
+from wsim.kernels.rods.forces import drawn, gain, memory, spin, spins, strained
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
 
 _bend = bend()
@@ -31,12 +32,6 @@ Bend, strains = _bend.Bend, _bend.strains
 @wp.func
 def split(v: wp.vec3d, angle: wp.float64):
     return wp.vec4d(v[0], v[1], v[2], angle)
-
-
-@wp.func
-def memory(Q: Motion, i: int, k: int):
-    """1/2 of a point that carries on the step before, 0 of one that starts anew."""
-    return wp.float64(0.5) * wp.float64(Q.begun[i, k])
 
 
 @wp.func
@@ -50,8 +45,11 @@ def inertia(S: Strands, Q: Motion, T: Trial, p: Step, i: int, k: int):
         a = wp.float64(1.0) + b
         if S.hold[i, k] < 0:
             v = ((T.x[i, k] - Q.x[i, k]) * a - Q.s[i, k] * b) / p.h
-            f = S.gravity[k] - (v * a - Q.v[i, k] * (a + b) + Q.u[i, k] * b) / p.h
-            r = split(f * m, wp.float64(0.0))
+            f = (S.gravity[k] - (v * a - Q.v[i, k] * (a + b) + Q.u[i, k] * b) / p.h) * m
+            if S.load_row:
+                if S.load_row[i, k] >= 0:
+                    f = f + S.load_force[p.at, S.load_row[i, k]]
+            r = split(f, wp.float64(0.0))
         for c in range(3):
             D[c, c] = m * a * a / (p.h * p.h)
         J = S.J[i, k]
@@ -59,8 +57,7 @@ def inertia(S: Strands, Q: Motion, T: Trial, p: Step, i: int, k: int):
             D[3, 3] = J * a * a / (p.h * p.h)
             if S.clamped[i, k] == 0:
                 w = Q.w[i, k]
-                spin = (T.turn[i, k] * a - w[1] * b) / p.h
-                r[3] = -J * (spin * a - w[0] * (a + b) + w[2] * b) / p.h
+                r[3] = -J * (spin(Q, T, p.h, i, k) * a - w[0] * (a + b) + w[2] * b) / p.h
     return D, r
 
 
@@ -107,13 +104,12 @@ def lean(S: Strands, w: Window, t: Inside, i: int, k: int):
 
 
 @wp.func
-def stretch(S: Strands, T: Trial, w: Window, t: wp.vec3d, length: wp.float64, i: int, k: int):
-    """The window with an edge's tension between its first two points: A (|e| - l) along it, and across what tension gives, that
+def stretch(S: Strands, T: Trial, w: Window, t: wp.vec3d, length: wp.float64, pull: wp.vec2d, i: int, k: int):
+    """The window with an edge's tension (pull: `drawn`) between its first two points, and across what tension gives, that
     of the last correction: edges that turn are too long before the next one, which would hold them fast."""
     one = wp.float64(1.0)
-    tension = S.A[i, k] * (length - S.length[i, k])
     across = wp.max(T.pull[i, k] / wp.max(length, TINY), wp.float64(0.0))
-    H = wp.outer(t, t) * (S.A[i, k] - across) + wp.identity(n=3, dtype=wp.float64) * across
+    H = wp.outer(t, t) * (pull[1] - across) + wp.identity(n=3, dtype=wp.float64) * across
     free0 = wp.where(S.hold[i, k] < 0, one, one - one)
     free1 = wp.where(S.hold[i + 1, k] < 0, one, one - one)
     m = int(3)                                           # of loops that are not written out: they compile ten times faster
@@ -122,39 +118,40 @@ def stretch(S: Strands, T: Trial, w: Window, t: wp.vec3d, length: wp.float64, i:
             w.D0[a, b] = w.D0[a, b] + H[a, b] * free0
             w.D1[a, b] = w.D1[a, b] + H[a, b] * free1
             w.P[a, b] = w.P[a, b] - H[a, b] * free0 * free1
-    f = split(t * tension, wp.float64(0.0))
+    f = split(t * pull[0], wp.float64(0.0))
     w.r0 = w.r0 + f * free0
     w.r1 = w.r1 - f * free1
     return w
 
 
 @wp.func
-def flex(S: Strands, w: Window, f: Bend, i: int, k: int):
-    """The window with bending and twisting at point i, its middle one."""
+def flex(S: Strands, w: Window, f: Bend, off: wp.vec3d, more: wp.float64, i: int, k: int):
+    """The window with bending and twisting at point i, its middle one. off: `strained`; more: `gain`."""
     zero = wp.float64(0.0)
     free0 = wp.where(S.hold[i - 1, k] < 0, wp.float64(1.0), zero)
     free1 = wp.where(S.hold[i, k] < 0, wp.float64(1.0), zero)
     free2 = wp.where(S.hold[i + 1, k] < 0, wp.float64(1.0), zero)
     spin0 = wp.where(S.clamped[i - 1, k] == 0, wp.float64(1.0), zero)
     spin1 = wp.where(S.clamped[i, k] == 0, wp.float64(1.0), zero)
-    turn = spinning(f.s, S.rest[i, k])
+    turn = spins(S, f, more, i, k)
     m = int(3)
     for c in range(m):
         q = wp.where(c < 2, S.B[i, k], S.C[i, k])
+        K = q * (wp.float64(1.0) + more)
         u = wp.where(c < 2, turn[c], wp.float64(1.0))
         g0 = split(f.a[c] * -free0, wp.where(c < 2, u, -u) * spin0)
         g1 = split((f.a[c] - f.b[c]) * free1, u * spin1)
         g2 = split(f.b[c] * free2, zero)
-        s = (f.s[c] - S.rest[i, k][c]) * q
+        s = off[c] * q
         w.r0 = w.r0 - split(f.a[c] * -free0, f.u[c] * spin0) * s
         w.r1 = w.r1 - split((f.a[c] - f.b[c]) * free1, f.w[c] * spin1) * s
         w.r2 = w.r2 - g2 * s
-        w.D0 = w.D0 + wp.outer(g0, g0) * q
-        w.D1 = w.D1 + wp.outer(g1, g1) * q
-        w.D2 = w.D2 + wp.outer(g2, g2) * q
-        w.P = w.P + wp.outer(g0, g1) * q
-        w.N = w.N + wp.outer(g1, g2) * q
-        w.F = w.F + wp.outer(g0, g2) * q
+        w.D0 = w.D0 + wp.outer(g0, g0) * K
+        w.D1 = w.D1 + wp.outer(g1, g1) * K
+        w.D2 = w.D2 + wp.outer(g2, g2) * K
+        w.P = w.P + wp.outer(g0, g1) * K
+        w.N = w.N + wp.outer(g1, g2) * K
+        w.F = w.F + wp.outer(g0, g2) * K
     w.D0[3, 3] = w.D0[3, 3] + S.B[i, k] * turn[2] * spin0
     w.D1[3, 3] = w.D1[3, 3] + S.B[i, k] * turn[2] * spin1
     return w
@@ -216,7 +213,7 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
             w.D2 = D
             w.r2 = r
             if i >= 0 and i + 1 < n:
-                w = stretch(S, T, w, t0, l0, i, k)
+                w = stretch(S, T, w, t0, l0, drawn(S, Q, T, p, t0, l0, i, k), i, k)
                 if wp.static(meets):
                     if (S.hold[i, k] < 0 or S.hold[i + 1, k] < 0) and not clear(C, S, T, p.at, i, k):
                         w = lean(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
@@ -234,7 +231,7 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
                 if S.clamped[i, k] + S.clamped[i + 1, k] < 2:
                     s = strains(t0, t1, wp.max(l0, TINY), wp.max(l1, TINY), T.d[i, k], T.d[i + 1, k], T.phi[i + 1, k])
                     T.phi[i + 1, k] = s.s[2]
-                    w = flex(S, w, s, i + 1, k)
+                    w = flex(S, w, s, strained(S, Q, T, p, s, i + 1, k), gain(S, Q, p.h, i, i + 2, k), i + 1, k)
                 l0 = l1
                 t0 = t1
             w = eliminate(T, w, i, k)

@@ -26,6 +26,9 @@ class Strands:
     decay: wp.array(dtype=wp.float64)               # rate of a strand's velocities [1/s]
     across: wp.array2d(dtype=wp.float64)            # drag of an edge across its axis over the speed squared [kg/m]
     along: wp.array2d(dtype=wp.float64)             # and along it
+    tau: wp.array(dtype=wp.float64)                 # relaxation time of a strand's elastic forces [s]; only where some have one
+    load_row: wp.array2d(dtype=int)                 # of a point in `load_force`, -1: no load; both only where there are loads
+    load_force: wp.array2d(dtype=wp.vec3d)          # forces of loads on points [N], where substeps end, (substeps, rows)
 
 
 @wp.struct

@@ -177,13 +177,14 @@ def test_a_bar_and_a_box_on_edges_of_ropes_go_as_on_a_cpu(on):
 
 
 def beside(monkeypatch, apart: bool, air: bool):
-    """Strands of 14, 9 and 2 points, the first held, that fall on a ball."""
+    """Strands of 14, 9 and 2 points, the first held and damped, that fall on a ball; a load on the second."""
     monkeypatch.setattr(method, "APART", apart)
     x = np.zeros((25, 3))
     x[:14, 0], x[:14, 1] = np.linspace(-0.1, 0.4, 14), 0.28
     x[14:23, 0], x[14:, 1], x[14:, 2] = np.linspace(-0.2, 0.2, 9), 0.3, 0.05
     x[23:, 0], x[23:, 2] = (0.0, 0.05), 0.1
-    made, rods = scene(x, gravity=(0.0, -9.81, 0.0), young=1e6, drag=2.0 * air, skin_drag=0.1 * air)
+    made, rods = scene(x, gravity=(0.0, -9.81, 0.0), young=1e6, drag=2.0 * air, skin_drag=0.1 * air, damping=0.01 * air)
+    made.force("/push", "/rod", [18, 22], (0.0, 0.0, 0.02))
     rods.counts = np.array([14, 9, 2], np.int32)
     made.wind = (0.0, 0.0, 3.0)
     rods.pin("/clamp", [0, 1])

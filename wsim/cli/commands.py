@@ -125,6 +125,7 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
     """The run that is asked for, with a viewer where one is."""
     from wsim.cli.run import prepare
     from wsim.scene import Problem
+    from wsim.scene.methods import every_pin
 
     viewers: list = []
 
@@ -142,7 +143,7 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
         job = prepare(scene, args.output, simulate, samples=args.samples, preroll=args.preroll, flatten=args.flatten,
                       restart=args.restart, stress=args.stress)
         job.reactions, job.recorder.clips, job.colour = args.reactions, args.clips, args.colour or ""
-        if args.reactions and not scene.pins:
+        if args.reactions and not every_pin(scene):
             job.recorder.notes.append(Problem("--reactions", "there is no pin whose force could be written", fatal=False))
         job.watchers += [viewer.log for viewer in viewers]
         yield job

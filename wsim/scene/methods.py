@@ -133,6 +133,17 @@ def collides(scene) -> bool:
     return bool(scene.colliders or carried(scene) or touches(scene))
 
 
+def every_pin(scene) -> list:
+    """Pins of bodies, and those of rods."""
+    return [*scene.pins, *(pin for rods in scene.things("Rods") for pin in rods.pins)]
+
+
+def loads_of_bodies(scene) -> list:
+    """Loads of cloths, spring nets and soft bodies: others are of what methods hold, such as rods."""
+    paths = {body.path for body in scene.bodies()} if scene.loads else set()
+    return [load for load in scene.loads if load.body in paths]
+
+
 def touches(scene) -> bool:
     """True if a surface collides with itself."""
     return any(body.self_collision for body in (*scene.cloths, *scene.softs))

@@ -80,7 +80,7 @@ class Load(Compared):
     """A force on points of a body, or a traction on triangles, over time; dead: its direction stays (`Soft.pressure` turns).
 
     path        prim path
-    body        prim path of the cloth, spring net or soft body
+    body        prim path of the cloth, spring net, soft body or rods; rods take forces alone
     curve       force [N] or traction [Pa], world, values (keys, 3), linear between keys
     points      of a force: indices of the points, (k,)
     weights     of a force: share of it that each point bears, (k,) [1]; None: 1/k, so that it is their sum

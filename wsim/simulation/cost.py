@@ -42,7 +42,7 @@ import numpy as np
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
 from wsim.scene import Soft, Surface
-from wsim.scene.methods import touches
+from wsim.scene.methods import loads_of_bodies, touches
 
 # GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
@@ -141,7 +141,7 @@ def _struck(model: Model, n: int) -> dict[str, float]:
 
 def packed(model: Model, kinds: set[str]) -> bool:
     """True if explicit steps take all elements in packets."""
-    apart = model.device.is_cuda or model.gradients or model.scene.softs or model.scene.loads
+    apart = model.device.is_cuda or model.gradients or model.scene.softs or loads_of_bodies(model.scene)
     return bool(kinds) and not apart and all(row(kind).packets for kind in kinds)
 
 

@@ -16,7 +16,7 @@ from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
-from wsim.scene.methods import METHODS, Row, carried, touches
+from wsim.scene.methods import METHODS, Row, carried, loads_of_bodies, touches
 from wsim.simulation.choice import Choice
 
 
@@ -74,7 +74,7 @@ class Build:
         if not (acts <= {"aero", "contact", "xpbd"} and leapfrog and self.model.device.is_cuda):
             return frozenset()
         from wsim.physics.fused.domains import takes
-        also = {"soft pins": any(np.isfinite(p.stiffness) for p in self.scene.pins), "loads": bool(self.scene.loads)}
+        also = {"soft pins": any(np.isfinite(p.stiffness) for p in self.scene.pins), "loads": bool(loads_of_bodies(self.scene))}
         return acts | {name for name, there in also.items() if there} if takes(self.model) else frozenset()
 
     def carriers(self) -> dict[str, Any]:
@@ -114,7 +114,7 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "volume": lambda b: "the corotational law may lose volume" if not b.model.gradients and any(
         m.model == "corotational" for s in b.scene.softs for m in s.materials) else "",
     "muscles": lambda b: "springs have an actuation" if any(s.actuation for s in b.scene.springs) else "",
-    "loads": lambda b: f"{len(b.scene.loads)} loads" if b.scene.loads else "",
+    "loads": lambda b: f"{len(found)} loads" if (found := loads_of_bodies(b.scene)) else "",
 }
 
 
@@ -180,4 +180,4 @@ def signature(b: Build) -> list:
             *("clearance" for _ in [0] if b.free),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
-            *("loads" for _ in scene.loads[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]
+            *("loads" for _ in loads_of_bodies(scene)[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]

@@ -24,7 +24,7 @@ from wsim.model.status import Status
 from wsim.physics.cloth.constraints import LOOKS, constrain
 from wsim.scene import Scene
 from wsim.scene.check import counts
-from wsim.scene.methods import METHODS
+from wsim.scene.methods import METHODS, loads_of_bodies
 from wsim.scene.nodal.separate import apart
 from wsim.simulation import cost
 from wsim.simulation.choice import Choice, choose
@@ -199,7 +199,7 @@ class Plan:
 def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = False, fps: float | None = None) -> Plan:
     """Model, state and stages of a checked scene, its substeps as `settle` has them. fps: of wall clock, that it is to hold."""
     model = models.build(scene, worlds, device, real)
-    model.gradients, model.by_point = gradients, gradients or bool(scene.loads)
+    model.gradients, model.by_point = gradients, gradients or bool(loads_of_bodies(scene))
     b = _chosen(model, fps)
     b.reasons = {row.name: needed(row, b) for row in METHODS}
     model.module = _module(b) + ADJOINT * gradients

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wsim.scene import Problem, SceneError
+from wsim.scene.methods import every_pin
 from wsim.scene.samples import Points
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def append(recorder: "Recorder", sim: "Simulation", code: float, stress: bool = 
     """
     scene, paths = recorder.scene, [body.path for body in recorder.scene.bodies()]
     primvars = {s.path: sim.stress(s.path).at_points() for s in scene.softs if stress}
-    forces = {p.path: sim.reactions(p.path) for p in scene.pins if reactions}
+    forces = {p.path: sim.reactions(p.path) for p in every_pin(scene) if reactions}
     recorder.notes += [note for path in forces if not recorder.stage.GetPrimAtPath(path)
                        for note in [_unwritten(path)] if note not in recorder.notes]
     recorder.append(code, {p: sim.positions(p) for p in paths}, {p: sim.velocities(p) for p in paths}, _poses(recorder, sim),

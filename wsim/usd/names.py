@@ -150,6 +150,7 @@ OTHERS = (
     Entry("RodMaterial", "poisson", CURVES_MATERIAL, "physics:poissonsRatio", "float"),
     Entry("RodMaterial", "stretch", CURVES_MATERIAL, "physics:curvesStretchStiffness", "float", "N"),
     Entry("RodMaterial", "bend", CURVES_MATERIAL, "physics:curvesBendStiffness", "float", "N m^2"),
+    Entry("RodMaterial", "damping", WSIM_MATERIAL, "wsim:damping", "double", "s"),
     Entry("RodMaterial", "twist", CURVES_MATERIAL, "physics:curvesTwistStiffness", "float", "N m^2"),
 
     Entry("RigidBody", "force", WSIM_RIGID, "wsim:force", "vector3d", "N"),

@@ -48,7 +48,7 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
     taken = {thing.path for thing in [*objects, *_skins(scene), *(thing for _, thing in every(scene))]}
     settings = author_settings(stage, _free("/physicsScene", taken), scene, units)
     materials = _Materials(_free("/materials", taken), scene)
-    by_path = {thing.path: thing for thing in scene.bodies()}
+    by_path = {thing.path: thing for thing in (*scene.bodies(), *scene.things("Rods"))}
     for thing in sorted(objects, key=lambda thing: (isinstance(thing, (Pin, Tie, Load)), thing.path.count("/"))):
         _parents(stage, thing.path)
         if isinstance(thing, Cloth):

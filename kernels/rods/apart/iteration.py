@@ -31,6 +31,7 @@ from wsim.kernels.rods.contact import MET, Colliders, expect_all
 from wsim.kernels.rods.edges.inside import inside
 from wsim.kernels.rods.edges.sites import Inside
 from wsim.kernels.rods.element import transport, turned, upright
+from wsim.kernels.rods.forces import drawn
 from wsim.kernels.rods.march import MOST, TOLERANCE, begin_point, eased, finish_point
 from wsim.kernels.rods.system import TINY, add, pointing, pulled, split, strains
 from wsim.kernels.rods.tables import Holds, Motion, Step, Strands, Trial
@@ -110,7 +111,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
             e = T.x[i + 1, k] - T.x[i, k]
             length = wp.length(e)
             t = e / wp.max(length, TINY)
-            keep_edge(S, T, A, i, k, t, length)
+            keep_edge(T, A, i, k, t, length, drawn(S, Q, T, p, t, length, i, k))
             if wp.static(airy):
                 gust, damp = blow(S, Q, T, p, i, k)
                 keep(A.part, wp.static(MORE), i, k, gust)
@@ -122,7 +123,7 @@ def iteration(kinds: tuple[str, ...], airy: bool) -> SimpleNamespace:
                     f = strains(e0 / wp.max(l0, TINY), t, wp.max(l0, TINY), wp.max(length, TINY), T.d[i - 1, k], T.d[i, k],
                                 T.phi[i, k])
                     T.phi[i, k] = f.s[2]
-                    keep_bend(S, A, i, k, f)
+                    keep_bend(S, Q, T, A, p, i, k, f)
 
     @wp.func
     def judge(T: Trial, A: Parts, z: wp.float64, k: int, said: wp.array2d(dtype=wp.float64)):

@@ -3,8 +3,9 @@
 import warp as wp
 
 from wsim.kernels.rods.edges.sites import Inside
-from wsim.kernels.rods.element import bend, spinning
-from wsim.kernels.rods.tables import Strands, Trial
+from wsim.kernels.rods.element import bend
+from wsim.kernels.rods.forces import gain, spins, strained
+from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
 
 LANES = 4
 # Numbers of a point: of itself; of the edge behind it; of the bend at it; of the air, and of colliders, on that edge.
@@ -23,10 +24,11 @@ class Parts:
     part (`numbers`, points + 2, strands), what a point has not is 0, of points past the end the block is 1:
     from EDGE on the tangent, stiffness along it less that across, that across [N/m], tension [N]; from BENT on strains less
     those at rest, their gradients by both edges and, as `spinning` has them, by the angles, all times the root of their
-    stiffness, what adds to the angles' own stiffness [N m], torques on the angles [N m]; of the air half its force [N], and the
-    upper triangle of its stiffness [N/m]; of colliders the upper triangle of the stiffness of the edge's second point, that
-    between both by rows [N/m], and the force on the second [N]: 0 where there is no contact, and read only of strands that have
-    one (`edges`); stiffness and force of the first likewise, which `measure` adds to the point's own"""
+    stiffness with damping (strains times stiffness over that root), what adds to the angles' own stiffness [N m], torques on
+    the angles [N m]; of the air half its force [N], and the upper triangle of its stiffness [N/m]; of colliders the upper
+    triangle of the stiffness of the edge's second point, that between both by rows [N/m], and the force on the second [N]: 0
+    where there is no contact, and read only of strands that have one (`edges`); stiffness and force of the first likewise,
+    which `measure` adds to the point's own"""
 
     part: wp.array3d(dtype=wp.float64)
     factor: wp.array3d(dtype=wp.float64)            # (36, points, strands): near, far, right side
@@ -92,26 +94,27 @@ def inside_own(A: Parts, first: int, i: int, k: int):
 
 
 @wp.func
-def keep_bend(S: Strands, A: Parts, i: int, k: int, f: Bend):
+def keep_bend(S: Strands, Q: Motion, T: Trial, A: Parts, p: Step, i: int, k: int, f: Bend):
     """Stores the strains of a point."""
-    B = wp.sqrt(S.B[i, k])
-    q = wp.vec3d(B, B, wp.sqrt(S.C[i, k]))
-    off = wp.cw_mul(f.s - S.rest[i, k], q)
+    more = gain(S, Q, p.h, i - 1, i + 1, k)
+    all = wp.float64(1.0) + more
+    B = wp.sqrt(S.B[i, k] * all)
+    q = wp.vec3d(B, B, wp.sqrt(S.C[i, k] * all))
+    off = wp.cw_mul(strained(S, Q, T, p, f, i, k), q) / all
     keep(A.part, wp.static(OFF), i, k, off)
     for c in range(wp.static(3)):
         keep(A.part, wp.static(SLOPES) + 3 * c, i, k, f.a[c] * q[c])
         keep(A.part, wp.static(SLOPES + 9) + 3 * c, i, k, f.b[c] * q[c])
-    turn = spinning(f.s, S.rest[i, k])
+    turn = spins(S, f, more, i, k)
     keep(A.part, wp.static(SPINS), i, k, wp.vec3d(B * turn[0], B * turn[1], q[2]))
-    A.part[wp.static(OWN), i, k] = B * B * turn[2]
+    A.part[wp.static(OWN), i, k] = S.B[i, k] * turn[2]
     A.part[wp.static(TORQUES), i, k] = -wp.dot(off, wp.cw_mul(f.u, q))
     A.part[wp.static(TORQUES + 1), i, k] = -wp.dot(off, wp.cw_mul(f.w, q))
 
 
 @wp.func
-def keep_edge(S: Strands, T: Trial, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64):
-    """Stores the tension of the edge behind a point."""
-    tension = S.A[i, k] * (length - S.length[i, k])
+def keep_edge(T: Trial, A: Parts, i: int, k: int, t: wp.vec3d, length: wp.float64, pull: wp.vec2d):
+    """Stores the tension (pull: `drawn`) of the edge behind a point."""
     across = wp.max(T.pull[i, k] / wp.max(length, wp.float64(1e-30)), wp.float64(0.0))
     keep(A.part, wp.static(EDGE), i, k, t)
-    keep(A.part, wp.static(EDGE + 3), i, k, wp.vec3d(S.A[i, k] - across, across, tension))
+    keep(A.part, wp.static(EDGE + 3), i, k, wp.vec3d(pull[1] - across, across, pull[0]))

@@ -17,12 +17,10 @@ from wsim.model.model import Body, Model
 from wsim.model.stage import Clock, Method, Methods, Stage
 from wsim.model.vjp import beside
 from wsim.scene import Load, Problem, SceneError
-from wsim.scene.curve import Curve
-from wsim.scene.nodal.loads import nodal
+from wsim.scene.nodal.loads import given_curve, nodal
 
 if TYPE_CHECKING:
     from wsim.simulation.methods import Build
-
 
 
 class Borne:
@@ -32,22 +30,6 @@ class Borne:
         self.load, self.body, self.curve = load, body, load.curve
         places, self.parts = nodal(load, body)
         self.places = model.shared(places)
-
-    def taken(self, value) -> Curve:
-        """A given value as a curve: another one, values of the present keys (keys, 3), or that of all times (3,)."""
-        name, path = self.load.name, self.load.path
-        try:
-            of = value if isinstance(value, Curve) else self.curve
-            values = np.array(value.values if isinstance(value, Curve) else value, np.float64)
-            new = Curve(np.zeros(1), values[None]) if values.ndim == 1 else of.replaced(values)
-        except (TypeError, ValueError) as error:
-            raise SceneError(Problem(path, f"{name}: {error}; allowed are a Curve, values (keys, 3) or (3,)")) from None
-        values = new.values
-        if values.shape[1:] != (3,) or not (np.isfinite(values).all() and np.isfinite(new.times).all()):
-            raise SceneError(Problem(path, f"{name} has shape {np.shape(values)}"
-                                     f"{'' if np.isfinite(values).all() else ', not all finite'}; allowed are a Curve, "
-                                     f"({len(self.curve.times)}, 3) values of its keys or (3,), all finite"))
-        return new
 
 
 def build(b: Build) -> Loads:
@@ -179,7 +161,7 @@ class Loads(Method):
             self.own.assign(own)
             return False
         hit = [b for b in self.borne if b.load.path == path and b.load.name == name and world in (None, b.body.world)]
-        for b, curve in [(b, b.taken(value)) for b in hit]:
+        for b, curve in [(b, given_curve(b.load, b.curve, value)) for b in hit]:
             b.curve = curve
         self.changed |= bool(hit)
         return bool(hit)

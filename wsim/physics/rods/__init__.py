@@ -1,1 +1,0 @@
-"""Rods: ropes, hair and wires that stretch, bend and twist."""

@@ -36,7 +36,7 @@ def check(rods: Rods, scene: Scene) -> Iterator[Problem]:
     for name in ("stretch", "bend", "twist"):
         if (value := getattr(rods, name)) is not None:
             yield from number(path, name, value, 0.0, name == "stretch")
-    for name in ("static_friction", "dynamic_friction", "drag", "skin_drag"):
+    for name in ("static_friction", "dynamic_friction", "damping", "drag", "skin_drag"):
         yield from number(path, name, getattr(rods, name), 0.0)
     if wrong:
         return

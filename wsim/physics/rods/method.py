@@ -15,6 +15,7 @@ from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rods.colliders import Obstacles
+from wsim.physics.rods.forces import StrandLoads, StrandReactions
 from wsim.physics.rods.tables import Table
 from wsim.scene import Scene
 from wsim.scene.methods import touches
@@ -84,6 +85,7 @@ class Strands(Method):
         b.model.modules[own] = THREADS
         self._allocate(b, meeting, bearing)
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
+        self.loads = StrandLoads(b.scene, t, self.strands, self.substeps)
         self.trial = self._trial(together)
         self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
         self.touching: Any = None
@@ -105,6 +107,7 @@ class Strands(Method):
             self.stages = [self._stage(own, apart)]
         if touching:
             self.offers["start"] = self.touching.told
+        self.offers["pins of strands"] = StrandReactions(self)
 
     def _met(self, scene: Scene) -> list:
         from wsim.physics.rigid.solids import met_by_strands
@@ -199,9 +202,11 @@ class Strands(Method):
         if n != self.substeps:                           # a frame that is repeated with smaller steps
             self.substeps, self.holds = n, self.table.holds_on(self.model.device, n)
             self.obstacles.resize(n)
+            self.loads.put_tables(self.strands, n)
         times = time + clock.dt / n * np.arange(n + 1)
         if self.table.pins:
             self.holds.frame.assign(self.table.frames(times[1:]))
+        self.loads.upload(self.strands, times[1:])
         if self.obstacles.colliders:
             self.obstacles.pose(times)
         if self.touching:
@@ -275,6 +280,8 @@ class Strands(Method):
             gravity = self.gravity.copy()
             gravity[slice(None) if world is None else world] = value
             self.weigh(gravity)
+            return True
+        if self.loads.set(path, name, value, world):
             return True
         array = {"wind": self.strands.wind, "air_drag": self.strands.decay}.get(name) if path == "/" else None
         if array is None:

@@ -38,6 +38,7 @@ class Rods(Compared):
     masses              of each point, (n,) [kg]; None: from the density
     static_friction     coefficient of friction [1] up to which a contact sticks
     dynamic_friction    coefficient of friction of a contact that slides [1]
+    damping             relaxation time of the elastic forces [s], of stretching, bending and twisting
     drag                drag coefficient of the air across an edge, on its length times its diameter [1]
     skin_drag           drag coefficient along it, on its surface [1]
     self_collision      True: its strands pass neither through themselves, nor other strands, cloth and soft bodies that say so
@@ -62,6 +63,7 @@ class Rods(Compared):
     masses: np.ndarray | None = None
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
+    damping: float = 0.0
     drag: float = 0.0
     skin_drag: float = 0.0
     self_collision: bool = False

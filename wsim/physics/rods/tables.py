@@ -137,7 +137,9 @@ class Table:
         """The constant tables."""
         def up(values, dtype=wp.float64):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
-        return filled(tables.Strands, points=up(self.counts.astype(np.int32), int), rest=up(self.rest, wp.vec3d),
+        tau = np.repeat([rods.damping for rods, _ in self.pairs], [own.stop - own.start for own in self.own])
+        damped = {"tau": up(tau.astype(np.float64))} if tau.any() else {}
+        return filled(tables.Strands, **damped, points=up(self.counts.astype(np.int32), int), rest=up(self.rest, wp.vec3d),
                       hold=up(self.hold, int), clamped=up(self.clamped, int), origin=up(self.origin, wp.vec3d),
                       **{name: up(value) for name, value in self.values.items()})
 

@@ -117,6 +117,8 @@ def _material(reading: Reading, prim: Usd.Prim, rods: Rods) -> None:
         value = read(material, "RodMaterial", field, reading.units)
         if value not in UNAUTHORED:
             setattr(rods, field, value)
+    if (damping := read(material, "RodMaterial", "damping", reading.units)) is not None:
+        rods.damping = damping
     density = read(material, "Friction", "density", reading.units)
     if density not in (*UNAUTHORED, 0.0):
         rods.density = density
@@ -174,6 +176,9 @@ def author(stage: Usd.Stage, rods: Rods, units: Units) -> None:
     for field in ("young", "poisson", *STIFF):
         if (value := getattr(rods, field)) is not None:
             write(material, "RodMaterial", field, value, units)
+    if rods.damping:
+        material.AddAppliedSchema(names.WSIM_MATERIAL)
+        write(material, "RodMaterial", "damping", rods.damping, units)
     bind(prim, material)
     for pin in rods.pins:
         author_pin(stage, pin, rods, units, 0)

@@ -21,10 +21,11 @@ def load(thing: Load, scene: Scene) -> Iterator[Problem]:
         yield error(path, "it names both points and triangles" if thing.points is not None else "it names neither points nor "
                     "triangles", "points of a force, or triangles of a traction", "leave one of them out, or name some")
         return
-    body = next((b for b in scene.bodies() if b.path == thing.body), None)
+    bodies = [*scene.bodies(), *scene.things("Rods")]
+    body = next((b for b in bodies if b.path == thing.body), None)
     if body is None:
-        names = ", ".join(b.path for b in scene.bodies()[:5]) or "none, the scene has no body"
-        yield error(path, f"it loads '{thing.body}', which is no cloth, spring net or soft body here", names, "name one")
+        names = ", ".join(b.path for b in bodies[:5]) or "none, the scene has no body"
+        yield error(path, f"it loads '{thing.body}', which is no cloth, spring net, soft body or rods here", names, "name one")
         return
     named = thing.triangles if thing.points is None else thing.points
     assert named is not None
@@ -46,8 +47,9 @@ def load(thing: Load, scene: Scene) -> Iterator[Problem]:
 
 def _triangles(thing: Load, triangles: np.ndarray, body: Cloth | Springs | Soft) -> Iterator[Problem]:
     """Each has its corners in one face of the body, and is named once."""
-    if isinstance(body, Springs):
-        yield error(thing.path, f"{body.path} is a spring net, which has no triangles for a traction", "a cloth or soft body",
+    if not isinstance(body, Cloth | Soft):
+        what = "is a spring net, which has" if isinstance(body, Springs) else "are rods, which have"
+        yield error(thing.path, f"{body.path} {what} no triangles for a traction", "a cloth or soft body",
                     "give a force on points")
         return
     try:

@@ -9,7 +9,8 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Cloth, Load, Soft
+from wsim.scene import Cloth, Load, Problem, SceneError, Soft
+from wsim.scene.curve import Curve
 
 
 def nodal(load: Load, body) -> tuple[np.ndarray, np.ndarray]:
@@ -28,6 +29,23 @@ def nodal(load: Load, body) -> tuple[np.ndarray, np.ndarray]:
     key = ends[:, 0] * n + ends[:, 1]
     order = np.argsort(key)
     return body.middles[order[np.searchsorted(key[order], sides[:, 0] * n + sides[:, 1])]], np.repeat(area, 3)
+
+
+def given_curve(load: Load, curve: Curve, value) -> Curve:
+    """A value of a load as a curve: another Curve, values of the keys of its `curve`, (keys, 3), or one of all times, (3,).
+    Raises SceneError."""
+    try:
+        of = value if isinstance(value, Curve) else curve
+        values = np.array(value.values if isinstance(value, Curve) else value, np.float64)
+        new = Curve(np.zeros(1), values[None]) if values.ndim == 1 else of.replaced(values)
+    except (TypeError, ValueError) as error:
+        raise SceneError(Problem(load.path, f"{load.name}: {error}; allowed are a Curve, values (keys, 3) or (3,)")) from None
+    values = new.values
+    if values.shape[1:] != (3,) or not (np.isfinite(values).all() and np.isfinite(new.times).all()):
+        raise SceneError(Problem(load.path, f"{load.name} has shape {np.shape(values)}"
+                                 f"{'' if np.isfinite(values).all() else ', not all finite'}; allowed are a Curve, "
+                                 f"({len(curve.times)}, 3) values of its keys or (3,), all finite"))
+    return new
 
 
 def faces(body: Cloth | Soft) -> tuple[np.ndarray, np.ndarray]:

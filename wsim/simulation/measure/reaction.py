@@ -10,6 +10,7 @@ What a hanging weight pulls is m g; summed over all pins R is what momentum does
 rounding for leapfrog between frames of one substep (by the trapezoid), for backward Euler as far as its residual. f is the law
 of the material at the state that is there: an unconverged solver (XPBD of few sweeps) has moved points by other forces.
 Contacts do not move what is pinned hard and take no part. Where two pins hold one point, each says all of it.
+Pins of rods: wsim/physics/rods/forces.py.
 """
 
 import copy
@@ -25,6 +26,7 @@ from wsim.model.midnodes import held
 from wsim.model.model import Model
 from wsim.physics.motion.forces import ForceGather
 from wsim.scene import Problem, SceneError
+from wsim.scene.methods import every_pin
 from wsim.scene.values.coverage import refuse
 from wsim.simulation.plan import Plan
 
@@ -170,7 +172,7 @@ class Reactions:
 
 def no_pin(model: Model, path: str | None, world: int) -> Problem:
     return Problem(path or "reactions", f"in world {world} is no pin; there are "
-                   f"{', '.join(p.path for p in model.scene.pins) or 'none'} in worlds 0 to {model.worlds - 1}")
+                   f"{', '.join(p.path for p in every_pin(model.scene)) or 'none'} in worlds 0 to {model.worlds - 1}")
 
 
 def soft(model: Model) -> list:
@@ -195,6 +197,9 @@ def every(sim, path: str) -> np.ndarray:
 
 def reactions(sim, path: str | None = None, world: int = 0) -> np.ndarray:
     """Reaction forces as `Simulation.reactions` returns them."""
+    strands = sim.plan.find("pins of strands")
+    if strands and (path in strands.paths() or path is None and not sim.model.scene.pins and len(strands.paths()) == 1):
+        return strands.of(path or strands.paths()[0], world, sim.time)
     if not sim.model.scene.pins:
         raise SceneError(no_pin(sim.model, path, world))
     return looked(sim).of(path, world)

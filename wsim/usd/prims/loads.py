@@ -26,8 +26,9 @@ def load_load(reading: Reading, prim: Usd.Prim, bodies: dict[str, Cloth | Spring
     targets = [str(target) for target in relationship.GetForwardedTargets()] if relationship else []
     body = bodies.get(targets[0]) if len(targets) == 1 else None
     if body is None:
-        reading.fail(path, f"{names.LOADED} names {', '.join(targets) or 'nothing'}; allowed is one cloth, spring net or soft "
-                     f"body that is simulated ({', '.join(dict.fromkeys(b.path for b in bodies.values())) or 'there is none'})")
+        there = ", ".join(dict.fromkeys(b.path for b in bodies.values())) or "there is none"
+        reading.fail(path, f"{names.LOADED} names {', '.join(targets) or 'nothing'}; allowed is one cloth, spring net, soft "
+                     f"body or BasisCurves of rods that is simulated ({there})")
         return None
     kinds = [name for name in ("force", "traction") if authored(prim, "Load", name)]
     if len(kinds) != 1:
@@ -42,9 +43,9 @@ def load_load(reading: Reading, prim: Usd.Prim, bodies: dict[str, Cloth | Spring
             return None
         points = particles(reading, prim, body, points, names.row("Load", "points").attribute)
         return None if points is None else Load(str(path), body.path, _curve(prim, "force", units), points, weights)
-    if isinstance(body, Springs) or weights is not None:
+    if not isinstance(body, Cloth | Soft) or weights is not None:
         reading.fail(path, "has weights, which a force on points has; remove them" if weights is not None else
-                     f"has a traction, and {body.path} is a spring net without triangles; author a force on points")
+                     f"has a traction, and {body.path} has no triangles; author a force on points")
         return None
     if triangles is None:
         triangles = between(body, points)
