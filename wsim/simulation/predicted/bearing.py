@@ -16,11 +16,15 @@ without friction, and gives way by d / n_z: it is n_z^2 as stiff. Contacts that 
 
 from dataclasses import dataclass, replace
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wsim.geometry.rotation import matrix
 from wsim.scene import Scene
+
+if TYPE_CHECKING:
+    from wsim.simulation.predicted.touching import Touches
 
 STEEP = 0.05           # cosine of a normal to gravity, below which nothing is borne along it
 LEVEL = 0.7            # from which what it bears may be set upright by it
@@ -69,9 +73,14 @@ class Bodies:
         np.maximum.at(high, body, ends[1])
         return np.where(low < high, high - low, inf)
 
-    def compliance(self) -> np.ndarray:
+    def dropped(self, falls: np.ndarray) -> "Touches":
+        """The pairs that touch, and those that do once bodies (n,) have fallen straight down."""
+        from wsim.simulation.predicted.touching import dropped
+        return self.touches.joined(dropped(self.solids, falls, self.up))
+
+    def compliance(self, t: "Touches") -> np.ndarray:
         """A of each patch [1/kg], of its points side by side."""
-        t, s = self.touches, self.solids
+        s = self.solids
         w = np.array([1.0 / m.mass for m in self.masses])
         turns = self.frames[:, :3, :3] @ matrix(np.array([m.axes for m in self.masses]))
         inverse = turns / np.array([m.moments for m in self.masses])[:, None] @ np.swapaxes(turns, 1, 2)
@@ -121,8 +130,8 @@ class Net:
     groups: int
 
     @classmethod
-    def of(cls, bodies: Bodies) -> "Net":
-        t, n = bodies.touches, len(bodies.held)
+    def of(cls, bodies: Bodies, t: "Touches") -> "Net":
+        n = len(bodies.held)
         group = np.append(np.where(bodies.held[bodies.group], n, bodies.group), n)     # of body -1: what stands
         body_a, body_b = bodies.solids.body[t.a], np.where(t.b >= 0, bodies.solids.body[t.b], -1)
         height = np.append(bodies.height, inf)
@@ -130,7 +139,7 @@ class Net:
         a, b = group[body_a], group[body_b]
         lower, upper = np.where(rise > 0.0, b, a), np.where(rise > 0.0, a, b)
         keep = (np.abs(rise) > STEEP) & (lower != upper) & (upper < n)
-        size, stiffness = np.minimum(height[body_a], height[body_b]), rise**2 / bodies.compliance()
+        size, stiffness = np.minimum(height[body_a], height[body_b]), rise**2 / bodies.compliance(t)
         return cls(lower[keep], upper[keep], stiffness[keep], size[keep], np.abs(rise)[keep], t.points[keep], n)
 
     def settled(self, load: np.ndarray) -> tuple["Net", np.ndarray, np.ndarray]:
@@ -203,6 +212,16 @@ class Net:
         tipped = np.divide(F * arm, stiff * radius**2, out=np.zeros(n + 1), where=tips & (stiff > 0.0))
         return self.passed(lambda D: tipped + np.bincount(self.upper, borne * D[self.lower], n + 1) * per)[:-1]
 
+    def levels(self) -> np.ndarray:
+        """Number of groups on the longest way down from each, itself included, (groups,); inf where ways are endless."""
+        found = np.zeros(self.groups + 1)
+        for _ in range(self.groups + 1):
+            before = found.copy()
+            np.maximum.at(found, self.upper, 1.0 + before[self.lower])
+            if np.array_equal(found, before):
+                return found[:-1]
+        return np.full(self.groups, inf)
+
     def passed(self, step) -> np.ndarray:
         """The values that `step` leaves as they are, handed on from group to group; (groups + 1,), of what stands 0."""
         found = np.zeros(self.groups + 1)
@@ -216,15 +235,15 @@ class Net:
     def footing(self, up: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Stiffness [kg] of the level contacts below a group, least radius of gyration and height of their points [m],
         (groups + 1,)."""
+        from wsim.simulation.predicted.touching import upright
         n, level = self.groups, self.rise > LEVEL
         upper, k, x = self.upper[level], self.stiffness[level], self.points[level]
         stiff = np.bincount(upper, k, n + 1)
         per = np.divide(1.0, stiff, out=np.zeros(n + 1), where=stiff > 0.0)
-        axes = np.linalg.svd(up[None])[2]                               # up, and two across
-        y = x @ axes.T
+        y = x @ upright(up).T
         mean = np.stack([np.bincount(upper, k * y[..., i].mean(axis=1), n + 1) * per for i in range(3)], axis=1)
         d = (y - mean[upper][:, None])[..., 1:]
         xx, xy, yy = (np.bincount(upper, k * (d[..., i] * d[..., j]).mean(axis=1), n + 1) * per
                       for i, j in ((0, 0), (0, 1), (1, 1)))
         least = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)
-        return stiff, np.sqrt(np.maximum(least, 0.0)), mean[:, 0] * np.sign(axes[0] @ up)
+        return stiff, np.sqrt(np.maximum(least, 0.0)), mean[:, 0]

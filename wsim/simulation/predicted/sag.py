@@ -17,7 +17,8 @@ of m gives g M / m for each contact of m.
 Bodies that touch where the scene starts, and what stands, are a net of such springs (`wsim.simulation.predicted.bearing`). A
 column that is slender buckles before it has sunk far: n cubes from a sag of 0.98 / n of one on, thirty from 3.3 %.
 
-What falls into a pile later lies, N bodies in a heap, under about N^(1/3) others: 2 g N^(1/3) in place of the above.
+What falls lands on what is straight below it, and is looked at as if it stood there. Where it does not stay so but lies in a
+heap, of N bodies, it is under about N^(1/3) others, whatever their masses: 2 g N^(1/3) in place of the above.
 
 Measured over this (24 fps, 10 to 186 substeps x 4): 1.00 in columns of cubes, slabs and cylinders of 2 to 30 bodies, 1 mm to
 10 m, mass ratios to 1e4, and in a tower of 54 blocks; 0.9 in arches of 17 stones, t / R 0.12; 0.98 to 1.1 in a pyramid, a house
@@ -47,8 +48,10 @@ if TYPE_CHECKING:
 TURN = 0.5 * np.pi     # h w of kernels/rigid/soft_step.py
 GOOD, BAD = 0.04, 0.1  # part of a body's height that it may sink by; from which a run says so
 PILED = 0.25           # the same of what falls: how many it will lie under is not known
-UPRIGHT, LEANS = 0.6, 0.85             # of the load under which a stack buckles, likewise
-MOST = 600             # substeps that are chosen: a small body under a mountain would make a scene stand still
+UPRIGHT, LEANS = 0.65, 0.85             # of the load under which a stack buckles, likewise
+TALL = 16              # bodies that may come to stand on one another as they fall; more collapse
+MOST, FALLEN = 600, 100                # substeps that are chosen, and for what may fall elsewhere: a small body under a
+                                       # mountain would make a scene stand still
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,7 @@ class Need:
     falls       True: not yet, but once it lies in a pile
     slender     prim path of the body that is nearest to leaning over
     tips        its stack bears tips (h / (h w))^2 of the load under which it buckles [1/s^2]
+    work        of all weights over their sags, times (h / (h w))^2 [J/s^2]
     """
 
     path: str = ""
@@ -69,10 +73,16 @@ class Need:
     falls: bool = False
     slender: str = ""
     tips: float = 0.0
+    work: float = 0.0
 
     def part(self, h: float) -> float:
         """Sag over the size, at substeps of h [s]."""
         return self.rate * (h / TURN)**2
+
+    def rebound(self, h: float) -> float:
+        """Energy [J] that contacts may give back: a stack that starts without its sag goes on to twice that at most, where they
+        hold k (2 d)^2 / 2, twice the work of the weights over it."""
+        return 2.0 * self.work * (h / TURN)**2
 
     def substeps(self, fps: float) -> int:
         """Substeps a frame that keep it at GOOD, and upright."""
@@ -91,7 +101,7 @@ class Need:
         """Words of what n substeps a frame leave."""
         if self.leans:
             return f"{self.slender} and what is below it bear {self.percent(fps, n)} of the load under which they lean over"
-        where = "its width, once in a pile" if self.falls else "the least height of a body on the way down"
+        where = "a body there, once it has fallen" if self.falls else "the least height of a body on the way down"
         depth = length(self.part(1.0 / fps / n) * self.size)
         return f"{self.path} sinks at rest by about {depth}, {self.percent(fps, n)} of {length(self.size)} ({where})"
 
@@ -123,7 +133,7 @@ def settle(scene: Scene) -> Need:
     """Gives a checked scene the substeps that its rigid bodies want, in place, where nobody named them; what they want."""
     found = need(scene)
     if isinstance(scene.substeps, Unnamed):
-        scene.substeps = Unnamed(max(scene.substeps, min(found.substeps(scene.fps), MOST)))
+        scene.substeps = Unnamed(max(scene.substeps, min(found.substeps(scene.fps), FALLEN if found.falls else MOST)))
     return found
 
 
@@ -142,9 +152,12 @@ def need(scene: Scene) -> Need:
         return Need()
     from wsim.simulation.predicted.bearing import Bodies, Net
     bodies = Bodies(scene, g)
-    net, u, rests = Net.of(bodies).settled(bodies.load)
-    falls = ~(rests | bodies.held)[bodies.group] & (bodies.width < inf)
-    return max(_resting(bodies, net, u, rests), _falling(bodies, falls), key=lambda n: n.substeps(scene.fps))
+    net, u, rests = Net.of(bodies, bodies.touches).settled(bodies.load)
+    found = [Need(), _resting(bodies, net, u, rests)]
+    falls = ~(rests | bodies.held)
+    if (falls[bodies.group] & (bodies.width < inf)).any():
+        found += [_piled(bodies, falls[bodies.group]), _landed(bodies, falls)]
+    return max(found, key=lambda n: (n.substeps(scene.fps), n.rate))
 
 
 def _resting(bodies: "Bodies", net: "Net", u: np.ndarray, rests: np.ndarray) -> Need:
@@ -155,16 +168,27 @@ def _resting(bodies: "Bodies", net: "Net", u: np.ndarray, rests: np.ndarray) -> 
     rates = np.where(rests, u / least, 0.0)
     leans = np.where(rests, net.leans(u, bodies.load, bodies.center, bodies.up) / BUCKLES, 0.0)
     sinks, tips = int(np.argmax(rates)), int(np.argmax(leans))
-    return Need(bodies.paths[sinks], float(rates[sinks]), float(least[sinks]), False, bodies.paths[tips], float(leans[tips]))
+    return Need(bodies.paths[sinks], float(rates[sinks]), float(least[sinks]), False, bodies.paths[tips], float(leans[tips]),
+                float(bodies.load[rests] @ u[rests]))
 
 
-def _falling(bodies: "Bodies", falls: np.ndarray) -> Need:
-    if not falls.any():
-        return Need()
+def _piled(bodies: "Bodies", falls: np.ndarray) -> Need:
+    """The need of bodies (n,) that come to lie in a heap."""
+    falls = falls & (bodies.width < inf)
     layers = len(np.unique(bodies.group[falls]))**(1.0 / 3.0)
     thin = int(np.argmin(np.where(falls, bodies.width, inf)))
     size = float(bodies.width[thin])
     return Need(bodies.bodies[thin].path, 2.0 * bodies.g * layers / size, size, True)
+
+
+def _landed(bodies: "Bodies", falls: np.ndarray) -> Need:
+    """The need of groups that come to stand on what is straight below them, TALL at most."""
+    from wsim.simulation.predicted.bearing import Net
+    net, u, rests = Net.of(bodies, bodies.dropped(falls[bodies.group])).settled(bodies.load)
+    least = net.least()
+    rates = np.where(rests & falls & (net.levels() <= TALL), u / least, 0.0)
+    worst = int(np.argmax(rates))
+    return Need(bodies.paths[worst], float(rates[worst]), float(least[worst]), True)
 
 
 def _gravity(scene: Scene) -> np.ndarray:

@@ -141,6 +141,29 @@ def touching(scene, bodies: list) -> tuple[Solids, Touches]:
     return s, found
 
 
+def upright(up: np.ndarray) -> np.ndarray:
+    """Axes (3, 3) in rows: the unit vector up (3,), and two across."""
+    return np.concatenate([up[None], np.linalg.svd(up[None])[2][1:]])
+
+
+def dropped(s: Solids, falls: np.ndarray, up: np.ndarray) -> Touches:
+    """Pairs of shapes of bodies that fall, falls (bodies,), and what of other bodies is next below them along gravity, as if
+    bounds were solid; what has nothing below lands on what stands."""
+    axes, found = upright(up), list[tuple[int, int]]()
+    low, high = s.intervals(np.arange(len(s.body)), np.tile(axes, (len(s.body), 1, 1)))
+    for i in np.flatnonzero((s.body >= 0) & falls[s.body]):
+        wide = np.minimum(high[i], high) - np.maximum(low[i], low)
+        over = (wide[:, 1:] > COMMON * (high[i] - low[i])[1:]).all(axis=1) & (s.body != s.body[i]) & (s.body >= 0)
+        gap = np.where(over & (high[:, 0] <= low[i, 0] + s.reach), low[i, 0] - high[:, 0], np.inf)
+        next_below = np.flatnonzero(gap <= gap.min() + s.reach) if np.isfinite(gap.min()) else [-1]
+        found += [(int(i), int(j)) for j in next_below]
+    a, b = np.array(found, int).reshape(-1, 2).T
+    lows, highs = ([v[a], np.where(b[:, None] >= 0, v[b], v[a])] for v in (low, high))
+    first, last = np.maximum(*lows), np.minimum(*highs)
+    corners = np.stack([np.stack([low[a, 0], p[:, 1], q[:, 2]], axis=1) for p in (first, last) for q in (first, last)], axis=1)
+    return Touches(a, b, np.tile(up, (len(a), 1)), corners @ axes, np.full(len(a), 4))
+
+
 def filtered(scene, bodies: list, s: Solids, meshes: list[str]) -> np.ndarray:
     """Table of the shapes, meshes behind the others, that filters keep from touching each other."""
     from wsim.physics.rigid.joints.filters.groups import filters

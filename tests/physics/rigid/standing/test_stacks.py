@@ -87,6 +87,18 @@ def test_everyday_objects_stand_at_the_defaults_of_a_stage(make, size):
     assert not sim.report(False)["warnings"] and "substeps for rigid bodies" in sim.report(False)["raised"]
 
 
+def test_dice_that_fall_onto_each_other_stand():
+    """Ten, 5 mm apart: they land one by one, and are those that touch then."""
+    scene = floor()
+    for k in range(10):
+        shape = Collider(f"/b{k}/shape", Box((0.008,) * 3))
+        scene.add(Body(f"/b{k}", [shape], Motion.at_place((0.0, 0.0, 0.008 + 0.021 * k))))
+    sim = Simulation(scene, **WHERE)
+    sim.run(72)
+    assert sim.plan.clock.substeps == STEPS
+    assert np.abs(sim.plan.method("rigid").poses()[:, 2, 3] - 0.016 * (np.arange(10) + 0.5)).max() < SUNK * 0.016
+
+
 def test_a_stack_that_buckles_in_twenty_seconds_is_given_more_substeps_than_its_sag_takes():
     """Ten tonnes on a kilogram sink by 4 % of it by 186 substeps, and lean over slowly up to 220: Euler's load."""
     scene = piled([(Box((0.05,) * 3), 0.1), (Box((1.0,) * 3), 2.0)], [1.0, 1e4])

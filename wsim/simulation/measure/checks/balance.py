@@ -147,8 +147,8 @@ class Balance(Method):
 
 
 def floor_of(b) -> float:
-    """Energy [J] of a world that may come from where contacts push apart, or from rounding."""
-    g, found = float(np.linalg.norm(b.scene.gravity)), 0.0
+    """Energy [J] of a world that may come from where contacts push apart, from soft ones under a stack, or from rounding."""
+    g, found = float(np.linalg.norm(b.scene.gravity)), b.choice.need.rebound(b.clock.h)
 
     def add(mass: float, size: float) -> None:
         nonlocal found
