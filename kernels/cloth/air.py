@@ -89,3 +89,18 @@ def blow(real, module):
         d_out[i] = d[i] + (g * g * w[i] / (real(1.0) + real(2.0) * g * w[i] * drag)) * f
 
     return blow
+
+
+@cache
+def blow_work(real, module):
+    """Kernel over triangles: adds to given [J] what the wind w does in a substep at most, max(h F . w, 0). Drag opposes what
+    moves through the air, F . (v - w) <= 0, so that no more than F . w becomes energy of the cloth."""
+    t, Air = types(real), air(real)
+
+    def blow_work(triangle: wp.array(dtype=wp.vec3i), air: Air, force: wp.array(dtype=t.vec3), h: real,
+                  given: wp.array(dtype=wp.float64)):
+        c = wp.tid()
+        all = real(3.0) * h * wp.dot(force[c], air.wind[air.object[triangle[c][0]]])           # of three corners
+        given[c] = given[c] + wp.float64(wp.max(all, real(0.0)))
+
+    return wp.kernel(blow_work, name=f"blow_work_{t.name}", module=module, enable_backward=False)

@@ -274,3 +274,20 @@ def settle(real, module):
         v_out[i] = v0 + dv
 
     return wp.kernel(settle, name=f"settle_{types(real).name}", module=module, enable_backward=differentiable(module))
+
+
+@cache
+def push_work(real, module):
+    """Kernel over points: adds to given [J] the work (m P / g) . u of colliders in a substep, of the rows that are outside."""
+    t, Slots, (_, Points) = types(real), slots(real), tables(real)
+
+    def push_work(points: Points, s: Slots, push: wp.array(dtype=t.vec3), outside: wp.array(dtype=int), g: real,
+                  given: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        if points.w[i] > real(0.0):
+            for slot in range(s.count[i]):
+                j = slot * s.points + i
+                if outside[s.row[j]] == 1:
+                    given[i] = given[i] + wp.float64(wp.dot(push[j], s.u[j]) / (points.w[i] * g))
+
+    return wp.kernel(push_work, name=f"push_work_{t.name}", module=module, enable_backward=False)

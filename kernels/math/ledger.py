@@ -8,7 +8,8 @@
     rise = K + S - B      what no work explains; B' = min(B + W, K + T)
 
 The rise is too much where it exceeds `part` of the largest K so far and a floor. B begins anew behind such a frame, and behind
-one that is left open, in which something works whose work is not known.
+one that is left open, in which something works whose work is not known. There K alone is judged, loosely: it may be SPEEDS
+times what is there and what moves can give, M (2 u)^2 / 2 of masses M that are hit at a speed u.
 
 Each term of the balance leaves a row (K, S, T, W) for each of a fixed number of threads of each world, without atomics: results
 are the same from run to run. All of it is float64.
@@ -16,11 +17,13 @@ are the same from run to run. All of it is float64.
 
 import warp as wp
 
+SPEEDS = wp.constant(wp.float64(4.0))
+
 
 @wp.struct
 class Ledger:
     """Of each world, (worlds,)."""
-    left_open: wp.array(dtype=int)             # 1: the frame is left open
+    gift: wp.array(dtype=wp.float64)           # of a frame that is left open: what moves can give [J]; < 0: it is not
     floor: wp.array(dtype=wp.float64)          # [J]
     lowest: wp.array(dtype=wp.float64)         # B [J]
     most: wp.array(dtype=wp.float64)           # largest K so far [J]
@@ -30,7 +33,8 @@ class Ledger:
 
 @wp.kernel(module="wsim_ledger", enable_backward=False)
 def close_frame(rows: wp.array(dtype=wp.vec4d), terms: int, part: wp.float64, ledger: Ledger, word: wp.array(dtype=int)):
-    """A thread a world. rows: those of its threads, term by term, (terms, worlds, threads). word: 1 where it rose too much."""
+    """A thread a world. rows: those of its threads, term by term, (terms, worlds, threads). word: 1 where energy rose too much,
+    2 where speeds did."""
     w = wp.tid()
     worlds = ledger.lowest.shape[0]
     threads = rows.shape[0] // (terms * worlds)
@@ -44,8 +48,11 @@ def close_frame(rows: wp.array(dtype=wp.vec4d), terms: int, part: wp.float64, le
     bound = part * ledger.most[w] + ledger.floor[w]
     before = ledger.lowest[w] + sum[3]
     more = sum[0] + sum[1] - before
-    if ledger.left_open[w] != 0:
+    gift = ledger.gift[w]
+    if gift >= wp.float64(0.0):
         more = wp.float64(0.0)
+        if sum[0] > SPEEDS * (wp.max(before, wp.float64(0.0)) + gift) + ledger.floor[w]:
+            word[w] = 2
         before = upper
     ledger.rise[w] = wp.vec4d(more, bound, sum[0], sum[3])
     ledger.lowest[w] = wp.min(before, upper)

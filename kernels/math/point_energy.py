@@ -1,6 +1,9 @@
-"""Kinetic energy of points and the work of gravity and loads on them in a frame; the work of wind and of moving colliders.
+"""Kinetic energy of points and the work on them in a frame: of gravity and loads, and what was added up on the way.
 
     K = 1/2 sum m v^2          W = sum m g . (x - x0)      x0 where the frame began; g with the loads on a point [m/s^2]
+
+Work that is added up impulse by impulse is right to first order in the substep: `bounded` adds the part ERROR of it. (A cube of
+100 J between plates that move, 300 substeps of leapfrog a frame: it is 0.5 % short.)
 
 Points that hard pins hold take no part: what they bear is the pin's. Sums are float64, of a fixed number of threads.
 """
@@ -11,6 +14,14 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import constants
+
+ERROR = wp.constant(wp.float64(0.01))
+
+
+@wp.func
+def bounded(work: wp.float64):
+    """What work [J] that was added up impulse by impulse is at most."""
+    return work + ERROR * wp.abs(work)
 
 
 @cache
@@ -54,9 +65,19 @@ def balance_points(real):
                 u = wp.vec3d(at.v[i])
                 K += wp.float64(0.5) * m * wp.dot(u, u)
                 W += m * wp.dot(wp.vec3d(c.gravity[c.object[i]]), moved(at, i))
-            if at.given:
-                W += at.given[i]
-                at.given[i] = wp.float64(0.0)
         rows[wp.tid()] = wp.vec4d(K, wp.float64(0.0), wp.float64(0.0), W)
 
     return wp.kernel(balance_points, name=f"balance_points_{t.name}", module=f"wsim_balance_{t.name}", enable_backward=False)
+
+
+@wp.kernel(module="wsim_ledger", enable_backward=False)
+def take_work(given: wp.array(dtype=wp.float64), worlds: int, rows: wp.array(dtype=wp.vec4d)):
+    """Over (worlds x threads): a row of the ledger of the work on each world's share, which is then taken."""
+    threads = rows.shape[0] // worlds
+    world = wp.tid() // threads
+    each = given.shape[0] // worlds
+    W = wp.float64(0.0)
+    for i in range(world * each + wp.tid() % threads, (world + 1) * each, threads):
+        W += given[i]
+        given[i] = wp.float64(0.0)
+    rows[wp.tid()] = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), bounded(W))

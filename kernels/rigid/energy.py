@@ -10,7 +10,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.point_energy import motions
+from wsim.kernels.math.point_energy import bounded, motions
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate, normalized, rotate
 from wsim.kernels.rigid.joint.elimination import Linked
@@ -42,7 +42,7 @@ def balance_bodies(real):
             K += wp.float64(0.5) * (wp.float64(b.w[i]) * wp.dot(p, p) + wp.dot(M, wp.cw_mul(wp.vec3d(b.inverse[i]), M)))
             W += wp.dot(wp.vec3d(b.push[i]), moved(at, i))
             if at.given:
-                W += at.given[i]
+                W += bounded(at.given[i])
                 at.given[i] = wp.float64(0.0)
         rows[wp.tid()] = wp.vec4d(K, wp.float64(0.0), wp.float64(0.0), W)
 
@@ -52,13 +52,16 @@ def balance_bodies(real):
 
 @wp.kernel(module="wsim_balance_drives", enable_backward=False)
 def balance_drives(J: Linked, worlds: int, rows: wp.array(dtype=wp.vec4d)):
-    """Over (worlds x threads): the energy of the springs of drives."""
+    """Over (worlds x threads): the energy of the springs of drives, and the work of those that ask for a speed."""
     threads = rows.shape[0] // worlds
     world = wp.tid() // threads
     each = J.broken.shape[0] // worlds
     U = wp.float64(0.0)
+    W = wp.float64(0.0)
     six = int(6)
     for j in range(world * each + wp.tid() % threads, (world + 1) * each, threads):
+        W += bounded(J.given[j])
+        J.given[j] = wp.float64(0.0)
         if J.broken[j] == 0:
             for r in range(six):
                 k = J.t.stiffness[j, r]
@@ -72,4 +75,4 @@ def balance_drives(J: Linked, worlds: int, rows: wp.array(dtype=wp.vec4d)):
                         U += wp.float64(0.5) * k * y * y
                     else:
                         U += f * y - wp.float64(0.5) * f * f / k
-    rows[wp.tid()] = wp.vec4d(wp.float64(0.0), U, U, wp.float64(0.0))
+    rows[wp.tid()] = wp.vec4d(wp.float64(0.0), U, U, W)

@@ -72,7 +72,7 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("physics.motion", "points overstretch stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")
        | room("kernels", "math.real motion.points cloth.spring"))
-CHECKS = (room("simulation.measure.checks", "balance terms reasons") | room("kernels.math", "ledger point_energy")
+CHECKS = (room("simulation.measure.checks", "balance terms reasons rise") | room("kernels.math", "ledger point_energy")
           | room("kernels", "cloth.energy cloth.constraint cloth.terms") | {"wsim.physics.cloth.table"}
           | {"wsim.model.compiler.parallel"})
 XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature cloth.table")

@@ -211,6 +211,7 @@ def _go_on(sim: "Simulation", earlier: "Restart", samples: int) -> None:
     """Puts the simulation where an earlier run was, bit for bit where the result holds what that takes and this run is stepped
     as that one was."""
     fields = earlier.fields
+    sim.plan.methods.restored(fields)                 # substeps that checks have raised are part of what is gone on with
     if others := differences(earlier.made, settings(sim, samples)):
         fields = {path: own for path, own in fields.items() if path not in earlier.positions}
         earlier.notes.append(Problem(earlier.path, f"was run otherwise ({'; '.join(others)}): the run goes on from positions "

@@ -36,6 +36,19 @@ def rounded(v: wp.vec3d, like: Any):
     return type(like)(type(like[0])(v[0]), type(like[0])(v[1]), type(like[0])(v[2]))
 
 
+@wp.func(inline=False)
+def driven(j: int, h: wp.float64, J: Linked):
+    """Work [J] of drives that ask for a speed, in a substep: what is not the spring's, times that speed."""
+    work = wp.float64(0.0)
+    six = int(6)
+    for r in range(six):
+        if J.t.speed[j, r] != wp.float64(0.0) and J.t.drive[j, r] > NONE:
+            most = J.t.most[j, r]
+            spring = wp.clamp(J.t.stiffness[j, r] * (J.t.target[j, r] - J.now[j, r]), -most, most)
+            work += (J.push[j, r] - h * spring) * J.t.speed[j, r]
+    return work
+
+
 @wp.func
 def touching(j: int, J: Linked):
     """1 where a contact has touched the island of a joint in this substep (`then` notes it of all its bodies)."""
@@ -231,6 +244,7 @@ def functions(real):
             given(g, driving, now, J)
         for j in range(J.t.first_joint[g], J.t.first_joint[g + 1]):
             broke(j, h, J)
+            J.given[j] += driven(j, h, J)
 
     @wp.func
     def kicks(i: int, h: real, b: Bodies, now: Moving, J: Linked):

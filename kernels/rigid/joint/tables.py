@@ -66,6 +66,7 @@ def structs():
         t: Joints
         quarters: wp.array(dtype=int)                # of the twist, counted on
         broken: wp.array(dtype=int)
+        given: wp.array(dtype=wp.float64)            # work of drives that ask for a speed, in the frame [J]
         X: wp.array(dtype=wp.vec3d)                  # bodies: place from the origin, orientation, I^-1
         Q: wp.array(dtype=wp.quatd)
         S: wp.array(dtype=wp.mat33d)

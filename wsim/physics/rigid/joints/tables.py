@@ -171,7 +171,7 @@ class Joints:
         found |= {name: zeros(bodies, wp.vec3d) for name in ("X", "p", "L", "dp", "dL", "P", "T")}
         found |= {name: zeros(n, wp.mat33d) for name in ("axis", "turn")}
         return found | {"Q": zeros(bodies, wp.quatd), "S": zeros(bodies, wp.mat33d), "touched": zeros(bodies, int),
-                        "r_a": zeros(n, wp.vec3d), "r_b": zeros(n, wp.vec3d),
+                        "r_a": zeros(n, wp.vec3d), "r_b": zeros(n, wp.vec3d), "given": zeros(n),
                         **{name: zeros((n, 6), int) for name in ("active", "next")},
                         "block": zeros(36 * self.order.blocks)}
 

@@ -11,6 +11,7 @@ what that is.
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,9 @@ from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.simulation.measure.checks.reasons import Reasons
+from wsim.simulation.measure.checks.rise import left_open
 from wsim.simulation.measure.checks.terms import Terms
+from wsim.simulation.measure.checks.works import Works
 
 PART = 0.01            # of the largest kinetic energy so far
 FLOOR = 1e-3           # of the size of an object, over which its weight may work
@@ -37,39 +40,41 @@ FIELDS_OF = ("balance_lowest", "balance_most")
 
 def build(b) -> Balance | None:
     """None where nothing moves whose energy is known."""
-    terms = Terms(b.model, b.state, b.methods, b.choice.solver)
-    return Balance(b, terms) if terms.each else None
+    works = Works(b)
+    terms = Terms(b.model, b.state, b.methods, b.choice.solver, works.given)
+    return Balance(b, terms, works) if terms.each else None
 
 
 class Balance(Method):
-    def __init__(self, b, terms: Terms):
+    def __init__(self, b, terms: Terms, works: Works):
         super().__init__("balance")
         self.model, self.status, self.terms, self.clock = b.model, b.status, terms, b.clock
-        self.reasons, self.iterates = Reasons(b), b.choice.solver in ("xpbd", "implicit")
+        self.works, self.reasons, self.iterates = works, Reasons(b, works), b.choice.solver in ("xpbd", "implicit")
         device, n = b.model.device, b.model.worlds
         self.part = Part.allocate("energy balance", FIELDS, n, b.model.real, device)
         path = b.state.paths()[0]
         self.part.rows = {(path, world): np.array([world]) for world in range(n)}
         b.state.add(self.part)
         b.status.reserve(WORD, n)
-        self.ledger = filled(ledger.Ledger, left_open=wp.ones(n, dtype=int, device=device),
+        self.ledger = filled(ledger.Ledger, gift=wp.zeros(n, dtype=wp.float64, device=device),
                              floor=wp.array(np.full(n, floor_of(b)), dtype=wp.float64, device=device),
                              peak=wp.zeros(n, dtype=wp.float64, device=device), rise=wp.zeros(n, dtype=wp.vec4d, device=device),
                              **{name.removeprefix("balance_"): self.part.arrays[name] for name in FIELDS_OF})
         self.offers = {"balance": self}
         b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
-        self.begun = self.fresh = self.opened = True
+        self.begun, self.fresh, self.gift, self.mass = True, True, 0.0, mass_of(b)
         self.rises, self.why, self.worst = 0, list[str](), (0.0, "")
         self.frames, self.opens = 0, dict[str, int]()       # frames so far, and of those left open by reason
+        self.stages += works.stages
         self.stages.append(Stage("energy balance", "deform", self.close, len(terms.each) + 1, terms.rows.capacity, "frame",
                                  "what may not rise"))
 
     def enter(self, clock: Clock) -> None:
-        """A frame begins: what was set before it is part of its start."""
-        self.begun, self.fresh = self.fresh or clock.starting, False
+        self.begun = False
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         self.fresh = True
+        self.reasons.set(path, name, value)
         return False
 
     def before_frame(self, time: float, clock: Clock) -> None:
@@ -77,19 +82,21 @@ class Balance(Method):
         if self.raised:
             for name, value in (("balance_substeps", clock.substeps), ("balance_rises", self.rises)):
                 self.part.arrays[name].fill_(value)
+        self.begun, self.fresh = self.begun or self.fresh or clock.starting, False
         if self.begun:
-            self.ledger.left_open.fill_(1)
+            self.ledger.gift.fill_(inf)
             self.set_aside()
             self.close(clock)
-        self.why = self.reasons.of_frame(time, clock.dt)
-        if bool(self.why) != self.opened or self.begun:
-            self.ledger.left_open.fill_(int(bool(self.why)))
-        self.opened = bool(self.why)
+        self.why, speed = self.reasons.of_frame(time, clock.dt)
+        gift = 2.0 * self.mass * speed**2 if self.why else -1.0
+        if gift != self.gift or self.begun:
+            self.ledger.gift.fill_(gift)
+        self.gift = gift
 
     def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """Goes on with the substeps that an earlier run was raised to."""
         kept = fields.get(next(iter(self.part.rows))[0], {})
-        if "balance_rises" in kept and kept["balance_rises"][0] > 0.0:
+        if "balance_rises" in kept and kept["balance_rises"][0] > 0.0 and left_open(self.model.scene):
             self.rises, self.clock.substeps = int(kept["balance_rises"][0]), int(kept["balance_substeps"][0])
 
     def resumed(self, time: float) -> None:
@@ -121,7 +128,8 @@ class Balance(Method):
         self.frames += 1
         for why in self.why:
             self.opens[why] = self.opens.get(why, 0) + 1
-        if not status.said(WORD).any():
+        said = status.said(WORD)
+        if not said.any():
             return []
         from wsim.simulation.measure.checks.gains import gains_by_prim
         found = self.found()
@@ -129,6 +137,9 @@ class Balance(Method):
         path = max(each, key=lambda name: each[name]) + f" (world {world})" * (self.model.worlds > 1)
         most = float(self.part.arrays["balance_most"].numpy()[world])
         part, more = 100.0 * found["gained"] / max(most, 1e-300), "substeps or iterations" if self.iterates else "substeps"
+        if (said == 2).any():
+            return [(("speeds",), part, f"{path} is faster than what moves it can make it; give it more {more} (now "
+                     f"{self.clock.steps} substeps)")]
         if part >= self.worst[0]:
             self.worst = part, (f"{path} gained energy that nothing gave it, {{worst}} % of the largest kinetic energy so far; "
                                 f"give it more {more} (now {self.clock.steps} substeps)")
@@ -144,6 +155,13 @@ class Balance(Method):
         rise = self.ledger.rise.numpy()
         world = int(np.argmax(rise[:, 0] / np.maximum(rise[:, 1], 1e-300)))
         return dict(zip(("gained", "allowed", "kinetic", "work"), map(float, rise[world]), strict=True)) | {"world": world}
+
+
+def mass_of(b) -> float:
+    """Mass [kg] of what moves freely in a world."""
+    rigid, own = b.methods.find("bodies"), [body for body in b.model.bodies if body.world == 0]
+    return sum(float(body.masses.sum()) for body in own) + (
+        sum(m.mass for m in rigid.masses) / b.model.worlds if rigid else 0.0)
 
 
 def floor_of(b) -> float:

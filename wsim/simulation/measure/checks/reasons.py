@@ -1,9 +1,13 @@
 """Reasons why the energy balance of a frame is left open: what works in it, and by how much is not known. Host only."""
 
+from itertools import pairwise
+from math import inf
+
 import numpy as np
 
 from wsim.scene.curve import Motion
 
+UNKNOWN = ("torque", "wind", "actuation", "pressure")          # live values whose work is not known
 STILL = 1e-9           # [m] or of a rotation: a motion that changes by less stands still
 
 
@@ -18,33 +22,60 @@ def moves_within(motion: Motion, time: float, dt: float) -> bool:
 class Reasons:
     """What of a scene works without its work being known: always, or while it moves."""
 
-    def __init__(self, b):
-        scene = b.scene
-        self.scene, self.colliders = scene, scene.colliders
+    def __init__(self, b, works):
+        """works: `wsim.simulation.measure.checks.works.Works`, what it knows."""
+        scene, points = b.scene, bool(b.model.bodies)
         found = [f"muscles of {s.path}" for s in scene.springs if s.actuation]
         found += [f"pressure in {s.path}" for s in scene.softs if s.pressure]
         found += [f"soft pin {p.path}" for p in scene.pins if np.isfinite(p.stiffness)]
-        found += [f"contact_width {scene.contact_width:g} m"] * bool(scene.contact_width and scene.colliders and b.model.bodies)
+        found += ["smoothed contacts (wsim:contactWidth)"] * bool(scene.contact_width and scene.colliders and points)
         found += [f"load {load.path}, which varies" for load in scene.loads if np.ptp(load.curve.values, axis=0).any()]
-        wind = any(np.any(w) for w in (scene.wind,)) or any(v.name == "wind" for v in scene.varying)
-        found += ["wind"] * bool(wind and any(c.drag or c.lift for c in scene.cloths))
-        found += [f"{v.name} of {v.path}, which varies" for v in scene.varying if v.name != "gravity"]
-        found += [f"drive of {j.path}" for j in scene.things("Joint") if j.enabled
-                  for d in j.drives.values() if d.speed or (d.acceleration and d.stiffness)][:1]
+        self.works, blown = works, np.any(scene.wind) or any(v.name == "wind" for v in scene.varying)
+        found += ["wind"] * bool(blown and any(c.drag or c.lift for c in scene.cloths) and not works.wind)
+        found += [f"{v.name} of {v.path}, which varies" for v in scene.varying if v.name not in ("gravity", "wind")]
+        found += [f"drive of {j.path}, per mass" for j in scene.things("Joint") if j.enabled
+                  for d in j.drives.values() if d.acceleration and (d.stiffness or d.speed)][:1]
         found += [f"torque on {body.path}" for body in scene.things("Body") if np.any(body.torque)][:1]
         found += [f"fluid {f.path} around bodies" for f in (*scene.things("Fluid"), *scene.things("Liquid"))]
         found += [f"rods {r.path}" for r in scene.things("Rods")]
         self.always = found
-        self.movers = [(c.path, c, bool(b.model.bodies)) for c in scene.colliders]
-        self.pins = list(scene.pins)
-        self.joints = [j for j in scene.things("Joint") if j.enabled and j.motion.moves]
+        self.colliders = scene.colliders if points else []
+        pins = b.methods.find("pins")
+        self.pins = [p for p in pins.groups["hard"] if p.body.world == 0] if pins else []
+        self.joints = [j for j in scene.things("Joint") if j.enabled]
 
-    def of_frame(self, time: float, dt: float) -> list[str]:
-        """Reasons why the frame that starts at `time` [s] is left open."""
+    def set(self, path: str, name: str, value) -> None:
+        """A live value that works, and was not there at the start."""
+        if name in UNKNOWN and not (name == "wind" and self.works.wind):
+            self.always = list(dict.fromkeys([*self.always, f"{name} of {path}, which was set"]))
+
+    def of_frame(self, time: float, dt: float) -> tuple[list[str], float]:
+        """Reasons why the frame that starts at `time` [s] is left open, and the speed [m/s] of what moves in it; inf where
+        that is not what works."""
         if self.always:
-            return self.always
-        found = [f"{p.path} moves" for p in self.pins if p.follows is not None or moves_within(p.motion, time, dt)][:1]
-        found += [f"{j.path} moves" for j in self.joints if moves_within(j.motion, time, dt)][:1]
-        found += [f"{path} moves" for path, c, points in self.movers if points and (
-            getattr(c.shape, "poses", None) is not None or moves_within(c.motion, time, dt))][:1]
-        return found
+            return self.always, inf
+        speeds = {p.pin.path: pulled(p, time, dt) for p in self.pins if p.motion.moves}
+        speeds |= {j.path: inf for j in self.joints if moves_within(j.motion, time, dt)}
+        known = self.works.colliders
+        speeds |= {c.path: pushed(c, time, dt) for c in self.colliders if (not known or c.restitution)}
+        found = [path for path, speed in speeds.items() if speed > STILL]
+        return [f"{path} moves" for path in found[:1]], max((speeds[path] for path in found), default=0.0)
+
+
+def pulled(pin, time: float, dt: float) -> float:
+    """Greatest speed [m/s] at which a pin moves its points in a frame."""
+    places = [pin.targets(time + s * dt) for s in (0.0, 0.5, 1.0)]
+    return 2.0 / dt * max(float(np.linalg.norm(b - a, axis=1).max(initial=0.0)) for a, b in pairwise(places))
+
+
+def pushed(collider, time: float, dt: float) -> float:
+    """Greatest speed [m/s] of a collider in a frame, at most; inf where its points move."""
+    if getattr(collider.shape, "poses", None) is not None:
+        return inf
+    if not collider.motion.moves:
+        return 0.0
+    M = [collider.motion.at(time + s * dt) for s in (0.0, 0.5, 1.0)]
+    size = sum(float(np.abs(value).max(initial=0.0)) for value in map(np.asarray, vars(collider.shape).values())
+               if value.dtype.kind == "f")
+    moved = [b - a for a, b in pairwise(M)]
+    return 2.0 / dt * max(float(np.linalg.norm(D[:3, 3]) + np.linalg.norm(D[:3, :3]) * size) for D in moved)

@@ -12,16 +12,15 @@ RISES = 2
 TIMES = 2              # substeps over those before
 
 
-def left_open(sim: Simulation) -> bool:
+def left_open(scene) -> bool:
     """Whether the number of substeps is the program's choice."""
-    scene = sim.scene
     return (scene.solver, scene.integrator) == ("auto", "auto") and type(scene.substeps) is not int    # but Unnamed
 
 
 def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
     """True if the frame is to be repeated with more substeps, which stay; False where it holds and is warned of."""
     balance, clock = sim.plan.find("balance"), sim.plan.clock
-    if clock.apart or not left_open(sim) or balance.rises >= RISES:
+    if clock.apart or not left_open(sim.given) or balance.rises >= RISES:
         return False
     before = clock.steps
     clock.substeps, clock.starting, sim.graph = TIMES * clock.substeps, True, None

@@ -25,7 +25,8 @@ def field_aside(part, name: str) -> wp.array:
 class Terms:
     """All terms of a plan, in one array of rows."""
 
-    def __init__(self, model, state, methods: Methods, solver: str):
+    def __init__(self, model, state, methods: Methods, solver: str, given: list[wp.array]):
+        """given: work that is added up on the way."""
         self.model, self.state, self.solver, self.worlds = model, state, solver, model.worlds
         self.threads = THREADS[model.device.is_cuda]
         self.each: list[Any] = []
@@ -36,6 +37,8 @@ class Terms:
         self.rigid = methods.find("bodies")
         if self.rigid:
             self.take_bodies()
+        for array in given:
+            self.take_given(array)
         self.rows = wp.zeros(max(len(self.each), 1) * self.size, dtype=wp.vec4d, device=model.device)
         self.own = [self.rows[k * self.size:(k + 1) * self.size] for k in range(len(self.each))]
         for kernel in self.kernels:
@@ -56,7 +59,6 @@ class Terms:
             counted = np.ones(model.points, np.int32)
             counted[model.gone] = 0
             self.counted = wp.array(counted, dtype=int, device=model.device)
-        self.given = None
         self.balance_points = balance_points(model.real)
         self.kernels.append(self.balance_points)
         self.each.append(self.sum_points)
@@ -112,9 +114,15 @@ class Terms:
         return filled(motions(self.model.real)[0], x=part.arrays["x"], e=part.arrays["e"], x0=field_aside(part, "x"),
                       e0=field_aside(part, "e"), **more)
 
+    def take_given(self, given: wp.array) -> None:
+        """Work that is added up on the way, equal shares of all worlds."""
+        from wsim.kernels.math.point_energy import take_work
+        self.kernels.append(take_work)
+        self.each.append(lambda rows: self.model.launch(take_work, rows.size, [given, self.worlds], [rows]))
+
     def sum_points(self, rows: wp.array) -> None:
         s, part = self.state, self.state.points
-        at = self.motions(part, v=s.v, given=self.given)
+        at = self.motions(part, v=s.v)
         inputs = [self.points.constants, self.counted, self.worlds, at]
         self.model.launch(self.balance_points, rows.size, inputs, [rows])
 
