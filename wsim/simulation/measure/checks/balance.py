@@ -61,12 +61,18 @@ class Balance(Method):
                              peak=wp.zeros(n, dtype=wp.float64, device=device), rise=wp.zeros(n, dtype=wp.vec4d, device=device),
                              **{name.removeprefix("balance_"): self.part.arrays[name] for name in FIELDS_OF})
         self.offers = {"balance": self}
+        self.figures: Any = None
+        if terms.rigid:
+            from wsim.simulation.measure.checks.figures import Figures
+            self.figures = Figures(b, terms.rigid)
+            for kernel in self.figures.kernels:
+                b.model.modules[kernel.module.name] = b.model.block if device.is_cuda else 1
         b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
         self.begun, self.fresh, self.gift, self.mass = True, True, 0.0, mass_of(b)
         self.rises, self.why, self.worst = 0, list[str](), (0.0, "")
         self.frames, self.opens = 0, dict[str, int]()       # frames so far, and of those left open by reason
         self.stages += works.stages
-        self.stages.append(Stage("energy balance", "deform", self.close, len(terms.each) + 1, terms.rows.capacity, "frame",
+        self.stages.append(Stage("energy balance", "deform", self.check, len(terms.each) + 1, terms.rows.capacity, "frame",
                                  "what may not rise"))
 
     def enter(self, clock: Clock) -> None:
@@ -109,6 +115,12 @@ class Balance(Method):
             if part is not None:
                 wp.copy(part.aside, part.every)
 
+    def check(self, clock: Clock) -> None:
+        """Launches all checks of a frame."""
+        self.close(clock)
+        if self.figures:
+            self.figures.launch(clock.h)
+
     def close(self, clock: Clock) -> None:
         """Launches the terms and the balance."""
         self.terms.launch()
@@ -116,7 +128,8 @@ class Balance(Method):
                           [self.status.word(WORD)])
 
     def retry(self, status: Status) -> list[Remedy]:
-        return [Remedy("check", why="energy")] if status.said(WORD).any() else []
+        found = [Remedy("check", why="energy gained")] if status.said(WORD).any() else []
+        return found + (self.figures.retry(status) if self.figures else [])
 
     @property
     def raised(self) -> bool:
@@ -128,7 +141,11 @@ class Balance(Method):
         self.frames += 1
         for why in self.why:
             self.opens[why] = self.opens.get(why, 0) + 1
-        said = status.said(WORD)
+        found = self.figures.notes(status, self.clock.steps) if self.figures else []
+        return [*found, *self.gains(status.said(WORD))]
+
+    def gains(self, said: np.ndarray) -> list[tuple[tuple, float, str]]:
+        """Warnings of energy. said: word of each world."""
         if not said.any():
             return []
         from wsim.simulation.measure.checks.gains import gains_by_prim

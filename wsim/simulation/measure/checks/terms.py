@@ -127,13 +127,13 @@ class Terms:
         self.model.launch(self.balance_points, rows.size, inputs, [rows])
 
     def take_bodies(self) -> None:
-        from wsim.kernels.rigid.energy import balance_bodies
+        from wsim.kernels.rigid.checks import balance_bodies
         self.balance_bodies = balance_bodies(self.model.real)
         self.kernels.append(self.balance_bodies)
         self.each.append(self.sum_bodies)
         joints = self.rigid.joints
         if joints and any(j.drives for j in joints.joints):
-            from wsim.kernels.rigid.energy import balance_drives
+            from wsim.kernels.rigid.checks import balance_drives
             self.balance_drives = balance_drives
             self.kernels.append(balance_drives)
             self.each.append(self.sum_drives)
