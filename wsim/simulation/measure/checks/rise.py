@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from wsim.scene.bodies import Unnamed
+
 if TYPE_CHECKING:
     from wsim.model.stage import Remedy
     from wsim.simulation.simulation import Simulation
@@ -14,7 +16,7 @@ TIMES = 2              # substeps over those before
 
 def left_open(scene) -> bool:
     """Whether the number of substeps is the program's choice."""
-    return (scene.solver, scene.integrator) == ("auto", "auto") and type(scene.substeps) is not int    # but Unnamed
+    return (scene.solver, scene.integrator) == ("auto", "auto") and isinstance(scene.substeps, Unnamed)
 
 
 def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
