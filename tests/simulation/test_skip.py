@@ -48,7 +48,7 @@ CLOTH = {"membrane"} | BEND
 DAMPED = {"membrane", "dihedral", "angle_damped", "curvature", "target"}
 KERNELS = {
     "hanging_cloth": {"march", "stretched", "not_finite"},
-    "flag": LEAPS | AIR | {"march"},
+    "flag": LEAPS | AIR | {"march", "blow_work"},
     "cape": LEAPS | AIR | {"march", "search_sphere", "contact"},
     "tablecloth": LEAPS | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"},
     "shirt": POINTS | CLOTH | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
@@ -72,7 +72,7 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("physics.motion", "points overstretch stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")
        | room("kernels", "math.real motion.points cloth.spring"))
-CHECKS = (room("simulation.measure.checks", "balance terms reasons rise") | room("kernels.math", "ledger point_energy")
+CHECKS = (room("simulation.measure.checks", "balance terms reasons rise works") | room("kernels.math", "ledger point_energy")
           | room("kernels", "cloth.energy cloth.constraint cloth.terms") | {"wsim.physics.cloth.table"}
           | {"wsim.model.compiler.parallel"})
 XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature cloth.table")
