@@ -248,3 +248,16 @@ def ask_drive_last(j: int, r: int, h: wp.float64, rate: wp.float64, J: Linked):
     J.soft[j, r] = law[0]
     J.much[j, r] = (law[1] - law[2] * J.now[j, r] - J.push[j, r]) * law[0] - rate
     J.give[j, r] = h * J.t.most[j, r]
+
+
+@wp.func(inline=False)
+def driven(j: int, h: wp.float64, J: Linked):
+    """Work [J] of drives that ask for a speed, in a substep: what is not the spring's, times that speed."""
+    work = wp.float64(0.0)
+    six = int(6)
+    for r in range(six):
+        if J.t.speed[j, r] != wp.float64(0.0) and J.t.drive[j, r] > NONE:
+            most = J.t.most[j, r]
+            spring = wp.clamp(J.t.stiffness[j, r] * (J.t.target[j, r] - J.now[j, r]), -most, most)
+            work += (J.push[j, r] - h * spring) * J.t.speed[j, r]
+    return work

@@ -17,7 +17,7 @@ import warp as wp
 
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.joint.coordinates import place_of, unwound
-from wsim.kernels.rigid.joint.drives import ask_drive, ask_drive_last, prepare_drives, renew_masses
+from wsim.kernels.rigid.joint.drives import ask_drive, ask_drive_last, driven, prepare_drives, renew_masses
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.frames import ends_of, lined, measure_turn
 from wsim.kernels.rigid.joint.pivots import settled
@@ -34,19 +34,6 @@ CONTACT, JOINT = wp.constant(1), wp.constant(2)       # what touched a body in a
 def rounded(v: wp.vec3d, like: Any):
     """v in the type of `like`."""
     return type(like)(type(like[0])(v[0]), type(like[0])(v[1]), type(like[0])(v[2]))
-
-
-@wp.func(inline=False)
-def driven(j: int, h: wp.float64, J: Linked):
-    """Work [J] of drives that ask for a speed, in a substep: what is not the spring's, times that speed."""
-    work = wp.float64(0.0)
-    six = int(6)
-    for r in range(six):
-        if J.t.speed[j, r] != wp.float64(0.0) and J.t.drive[j, r] > NONE:
-            most = J.t.most[j, r]
-            spring = wp.clamp(J.t.stiffness[j, r] * (J.t.target[j, r] - J.now[j, r]), -most, most)
-            work += (J.push[j, r] - h * spring) * J.t.speed[j, r]
-    return work
 
 
 @wp.func
