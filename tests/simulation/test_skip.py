@@ -49,7 +49,7 @@ DAMPED = {"membrane", "dihedral", "angle_damped", "curvature", "target"}
 KERNELS = {
     "hanging_cloth": {"march", "stretched", "not_finite"},
     "flag": LEAPS | AIR | {"march", "blow_work"},
-    "cape": LEAPS | AIR | {"march", "search_sphere", "contact"},
+    "cape": LEAPS | AIR | {"march", "search_sphere", "contact", "push_work"},
     "tablecloth": LEAPS | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"},
     "shirt": POINTS | CLOTH | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
 }
@@ -63,7 +63,7 @@ SCENE = (room("scene", "scene bodies solid solids curve.curve curve.motion fabri
          | room("scene.values", "table value") | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt")
-       | room("simulation.predicted", "errors sweep_strain")
+       | room("simulation.predicted", "errors sweep_strain sag")
        | room("simulation.measure", "indicators exceeded") | room("scene.nodal", "masses separate")
        | room("scene", "integrator methods samples")
        | room("model", "stage state status model midnodes launches kernel_cache structs vjp")

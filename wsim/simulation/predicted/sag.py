@@ -146,11 +146,13 @@ def substeps(scene: Scene) -> int:
 
 def need(scene: Scene) -> Need:
     """The need of the rigid bodies of a checked scene; none where there is no gravity, or nothing to touch."""
-    from wsim.physics.rigid.solids import meet
     g = _gravity(scene)
-    if not (scene.things("Body") and g.any() and meet(scene)):
+    if not (scene.things("Body") and g.any()):
         return Need()
+    from wsim.physics.rigid.solids import meet
     from wsim.simulation.predicted.bearing import Bodies, Net
+    if not meet(scene):
+        return Need()
     bodies = Bodies(scene, g)
     net, u, rests = Net.of(bodies, bodies.touches).settled(bodies.load)
     found = [Need(), _resting(bodies, net, u, rests)]
