@@ -26,11 +26,10 @@ of cards and under a lintel; 0.7 to 0.9 among balls, logs and turned cubes, whos
 a wall whose last bricks lie at the edge of falling.
 
 Where nobody named the substeps of a scene, `settle` gives it as many before its first frame as keep the sag at GOOD of the
-least height of a body on the way down, MOST at most, and stacks at UPRIGHT of what buckles them; of what falls, of its own
-least extent. It costs what substeps cost, in
-proportion. Stiffer contacts, which take more sweeps, cost more for the same sag (ten cubes of 16 mm, CPU: h w = pi, 10 x 20
-0.91 ms a frame and 10.8 %; 30 x 4 0.74 ms and 4.8 %; h w = pi with 4 sweeps falls). Where somebody named them, or something
-else decides, a run in which bodies sink by more than BAD says so.
+least height of a body on the way down and the load at UPRIGHT of what buckles a stack, MOST at most. It costs what substeps
+cost, in proportion. Stiffer contacts, which take more sweeps, cost more for the same sag (ten cubes of 16 mm, CPU: h w = pi,
+10 x 20 0.91 ms a frame and 10.8 %; 30 x 4 0.74 ms and 4.8 %; h w = pi with 4 sweeps falls). Where somebody named them, or
+something else decides, a run in which bodies sink by more than BAD, or bear more than LEANS, says so.
 """
 
 from dataclasses import dataclass, replace

@@ -133,7 +133,7 @@ class Balance(Method):
 
     @property
     def raised(self) -> bool:
-        """Whether there are more substeps than the plan had."""
+        """True if there are more substeps than the plan had."""
         return self.rises > 0
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
@@ -163,12 +163,12 @@ class Balance(Method):
         return [(("energy",), part, self.worst[1])]
 
     def report(self) -> dict[str, Any]:
-        """What a report says: frames, those left open by reason, the largest rise over the largest kinetic energy."""
+        """The part of a report: frames, those left open by reason, the largest rise over the largest kinetic energy."""
         peak, most = (a.numpy() for a in (self.ledger.peak, self.ledger.most))
         return {"frames": self.frames, "left_open": dict(self.opens), "rise": float((peak / np.maximum(most, 1e-300)).max())}
 
     def found(self) -> dict[str, Any]:
-        """What the last frame's balance left, of the world that gained most: gained, allowed, kinetic, work [J], world."""
+        """The last rise of the world that gained most: gained, allowed, kinetic, work [J], world."""
         rise = self.ledger.rise.numpy()
         world = int(np.argmax(rise[:, 0] / np.maximum(rise[:, 1], 1e-300)))
         return dict(zip(("gained", "allowed", "kinetic", "work"), map(float, rise[world]), strict=True)) | {"world": world}

@@ -12,7 +12,7 @@ STILL = 1e-9           # [m] or of a rotation: a motion that changes by less sta
 
 
 def moves_within(motion: Motion, time: float, dt: float) -> bool:
-    """Whether a motion moves in a frame."""
+    """True if a motion moves in a frame."""
     if not motion.moves:
         return False
     first = motion.at(time)
@@ -20,7 +20,7 @@ def moves_within(motion: Motion, time: float, dt: float) -> bool:
 
 
 class Reasons:
-    """What of a scene works without its work being known: always, or while it moves."""
+    """The things of a scene that work without its work being known: always, or while it moves."""
 
     def __init__(self, b, works):
         """works: `wsim.simulation.measure.checks.works.Works`, what it knows."""

@@ -15,7 +15,7 @@ TIMES = 2              # substeps over those before
 
 
 def left_open(scene) -> bool:
-    """Whether the number of substeps is the program's choice."""
+    """True if the number of substeps is the program's choice."""
     return (scene.solver, scene.integrator) == ("auto", "auto") and isinstance(scene.substeps, Unnamed)
 
 

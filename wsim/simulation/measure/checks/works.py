@@ -62,5 +62,5 @@ class Works:
 
 
 def moving(collider) -> bool:
-    """Whether a collider moves, or its points do."""
+    """True if a collider moves, or its points do."""
     return collider.motion.moves or getattr(collider.shape, "poses", None) is not None
