@@ -248,3 +248,15 @@ def test_joints_that_gape_and_shapes_that_overlap_are_told_by_prim():
     crushed.run(20)
     (said,) = [w for w in crushed.warnings if "overlap" in w]
     assert "/light" in said and "more substeps" in said
+
+
+@pytest.mark.parametrize("half, told", [(0.06, True), (0.02, False)])
+def test_a_collider_that_stands_out_of_a_cloth_between_its_points_is_told(half, told):
+    """A post under the middle of a cell of 15 cm: 6 cm of it are in the cloth, or 2, where a quarter of an edge is allowed."""
+    made = Scene(solver="implicit", substeps=8)
+    made.cloth("/cloth", *shapes.sheet(0.6, 0.6, 4, 4, horizontal=True, at=(0.0, 0.12, 0.0)), material=Fabric(stretch=100.0))
+    made.collider("/post", Box((half, 0.1, half)), at=(0.075, 0.0, 0.075))
+    sim = Simulation(made, **CPU)
+    sim.run(3)
+    found = [w for w in sim.report(profile=False)["warnings"] if "/cloth lets a collider stand out" in w]
+    assert len(found) == told and all("wsim:thickness" in w for w in found)

@@ -11,12 +11,14 @@ import numpy as np
 from wsim.model.model import edge_lengths
 from wsim.model.stage import STRETCHED, THROWN, UNSOLVED
 from wsim.physics.motion.overstretch import MOST
+from wsim.scene import Cloth
 
 EXPLICIT = ("if the motion is not meant to be that violent, explicit steps are too long for it; give more substeps, or solver "
             "auto")
 OTHERS = "nothing holds it to its material there; give more substeps or iterations, or slower motion"
 BEHIND = "tethers and strain limits are projected behind its steps, which undo a part of it; solver xpbd takes both together"
 CAP = 1e9              # percent: no more is told, see kernels/cloth/spring.py and kernels/solver/line_search.py
+DEEP = 0.25            # of an edge: examples have up to 0.19, where a heavy ball lies in a net of 5 cm
 MANY = 1e6             # below which what is whole is a count, and told with all its digits
 NOTHING = "1 is as if nothing had been solved; give more substeps or iterations, or less stiffness"
 
@@ -54,6 +56,19 @@ def note(sim) -> None:
         said = (f"an edge of {where} is {{worst}} times as long as at rest: {EXPLICIT if explicit else OTHERS}" if strained
                 else f"Newton's method left a residual of {{worst}} on {where}: {unsolved}")
         _add(sim, (bool(strained), where), value, said)
+
+
+def warn_of_depth(sim, depth: float) -> list[str]:
+    """A warning where a collider stands out of a cloth by more than DEEP of its edges. depth: penetration now [m]."""
+    cloths = [b for b in sim.model.bodies if isinstance(b.source, Cloth)]
+    edges = {b.path: float(np.median(edge_lengths(b))) for b in cloths if b.world == 0 and len(b.edges)}
+    if not edges or len(cloths) < len(sim.model.bodies) or depth <= DEEP * max(edges.values()):
+        return []
+    path, edge = min(edges.items(), key=lambda item: item[1])
+    where = path if len(edges) == 1 else "a cloth"
+    return [f"frame {sim.frame}: {where} lets a collider stand out by {depth:.3g} m between its points; allowed is a quarter "
+            f"of its edges of {edge:.3g} m; give it a finer mesh, the collider a wsim:thickness of {depth:.2g} m or more, or "
+            "wsim:selfCollision"]
 
 
 def _add(sim, key: tuple, value: float, text: str) -> None:

@@ -20,6 +20,7 @@ from wsim.model.model import Body, edge_lengths
 from wsim.scene import Pin
 from wsim.scene.curve import Curve
 from wsim.simulation.duration import missed
+from wsim.simulation.measure.exceeded import warn_of_depth
 from wsim.simulation.plan import Plan
 
 STILL = 1e-6          # of what gravity would give over the size of a body: less turned over is what float32 leaves of rest
@@ -187,6 +188,7 @@ def report(sim, with_profile: bool = True) -> dict:
     ms = float(np.mean(later)) if later else 0.0
     error = sim.indicators() | (sim.balance.change(sim) if sim.balance else {})          # of the state before it is profiled
     limits = {"limits": _limits(sim)} if plan.hard else {}
+    deep = warn_of_depth(sim, error.get("penetration", 0.0))
     spent = profile(plan) if with_profile and sim.frame else {}
     constraints, a_substep = rows(plan)
     a_second = 1e3 * plan.clock.substeps / ms if ms else 0.0
@@ -207,6 +209,6 @@ def report(sim, with_profile: bool = True) -> dict:
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in method.kept()],
-        "skipped": plan.skipped, "warnings": [*sim.warnings, *missed(sim.fps, later)], "repeats": list(sim.repeats),
+        "skipped": plan.skipped, "warnings": [*sim.warnings, *missed(sim.fps, later), *deep], "repeats": list(sim.repeats),
         **({"balance": watch.report()} if (watch := plan.find("balance")) else {}), **limits, **forms,
     }
