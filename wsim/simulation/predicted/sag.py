@@ -31,7 +31,7 @@ cost, in proportion. Stiffer contacts take more sweeps, and are no cheaper (CPU 
 54 blocks):
 
     33 substeps x 4 sweeps                  0.93 ms, sag 4.0 %        15 ms, 5.7 %
-    40 x 2                                  0.76 ms, 2.7 %            13 ms, 3.9 %, creeps by 4e-5 of a block a second
+    40 x 2                                  0.76 ms, 2.7 %            13 ms, 3.9 %, creeps by 2e-5 of a block a second
     33 x 1                                  0.52 ms, 4.0 %            falls
     h w = pi, 10 x 20; 10 x 4               0.91 ms, 10.8 %; falls    17 ms, 15.6 %; falls
     h w = 6, 10 x 20                        1.03 ms, 3.0 %            falls
