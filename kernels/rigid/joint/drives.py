@@ -6,13 +6,14 @@ impulse W behind them. Both are linear in what they lead to, so that they join t
     P = h/2 (k (T - g) + c s) - a u + b g'             u = (g(x') - g) / h, the mean rate; h/2 of the limit `most`
     W =  h  (k (T - g) + c s) - a' g'(x') + b' g' - d u
 
-Coefficients for a coordinate that nothing else moves: the flow of m g'' = F + constant is known,
+Coefficients for a joint that is alone in its island: the flow of one coordinate, m g'' = F + constant, is known,
 
     g(x') = g + Psi g' + Phi f,   g'(x') = chi g' + Psi f,     f the acceleration at g, at rest
 
 With f out of them, P and W are exact: a = m (h^2 / 2 Phi - 1), b = m (h Psi / 2 Phi - 1), a' = m (h / Psi - 1),
-b' = m (h chi / Psi - 1), d = 0. m is the effective mass: what the row moves while the locked rows of its joint stay. The flow
-is summed as a series for a part of h and doubled: that holds for any damping.
+b' = m (h chi / Psi - 1), d = 0. m is the effective mass: what the row moves while the locked rows of its joint stay. Where
+other driven rows of the joint move it too, m is less by what they share: that is stable (diagonal dominance), and of order 2.
+The flow is summed as a series for a part of h and doubled: that holds for any damping.
 
 Coefficients for all others do not know m:
 
@@ -160,6 +161,20 @@ def mass_of(A: mat66d, r: int):
 
 
 @wp.func(inline=False)
+def free_mass(j: int, A: mat66d, r: int, J: Linked):
+    """Effective mass of row r for the law of a drive, less what other driven rows share; -1 where other joints do."""
+    six = int(6)
+    found = wp.float64(-1.0)
+    if J.t.alone[j] == 1:
+        size = A[r, r]
+        for s in range(six):
+            if s != r and J.t.drive[j, s] > NONE:
+                size += wp.abs(A[r, s]) * wp.sqrt(A[r, r] / wp.max(A[s, s], wp.float64(1.0e-300)))
+        found = wp.float64(1.0) / wp.max(size, wp.float64(1.0e-300))
+    return found
+
+
+@wp.func(inline=False)
 def prepare_drives(j: int, s: int, h: wp.float64, J: Linked):
     """Sets `early`, `late` and `beside` of the driven rows of a joint for substep s."""
     three = int(3)
@@ -173,9 +188,9 @@ def prepare_drives(j: int, s: int, h: wp.float64, J: Linked):
         omega = J.turn[j] * omega
         for r in range(three):
             if J.t.drive[j, r] > NONE:
-                prepare_row(j, r, s, h, u[r], mass_of(A, r), J)
+                prepare_row(j, r, s, h, u[r], mass_of(A, r), free_mass(j, A, r, J), J)
             if J.t.drive[j, 3 + r] > NONE:
-                prepare_row(j, 3 + r, s, h, omega[r], mass_of(A, 3 + r), J)
+                prepare_row(j, 3 + r, s, h, omega[r], mass_of(A, 3 + r), free_mass(j, A, 3 + r, J), J)
 
 
 @wp.func(inline=False)
@@ -193,17 +208,14 @@ def renew_masses(j: int, J: Linked):
 
 
 @wp.func(inline=False)
-def prepare_row(j: int, r: int, s: int, h: wp.float64, rate: wp.float64, m: wp.float64, J: Linked):
-    """One row of `prepare_drives`, of a rate and an effective mass."""
+def prepare_row(j: int, r: int, s: int, h: wp.float64, rate: wp.float64, m: wp.float64, free: wp.float64, J: Linked):
+    """One row of `prepare_drives`, of a rate, an effective mass, and that of `free_mass`."""
     k = J.t.stiffness[j, r]
     c = J.t.damping[j, r]
     if J.t.drive[j, r] == ACCELERATION:
         k = m * k
         c = m * c
-    mass = m
-    if J.t.alone[j] == 0:
-        mass = wp.float64(-1.0)
-    law = drive_law(h * h * k, h * c, mass)
+    law = drive_law(h * h * k, h * c, free)
     before = J.t.target[j, r]
     target = before
     speed = J.t.speed[j, r]

@@ -31,7 +31,7 @@ def structs():
         apart: wp.array(dtype=wp.vec3d)              # origin of b from that of a [m]
         form: wp.array(dtype=int)
         closed: wp.array(dtype=int)                  # 1: its island has a loop
-        alone: wp.array(dtype=int)                   # 1: nothing but its one drive and free motion moves its bodies
+        alone: wp.array(dtype=int)                   # 1: no other joint moves its bodies
         cone: wp.array(dtype=wp.vec2d)               # 1 / half angle [1/rad]
         kind: wp.array2d(dtype=int)
         low: wp.array2d(dtype=wp.float64)            # [m], [rad]

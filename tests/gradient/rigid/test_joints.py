@@ -64,7 +64,8 @@ SCENES = {
     "cone": lambda: pair(hung(cone=(0.02, 0.03)), second(spherical), iterations=16),
     "driven": lambda: pair(hung(revolute, axis=Y, drives={"rotX": DRIVE}),
                            second(revolute, axis=Y, drives={"rotX": turning("acceleration")})),
-    "driven alone": lambda: pair(hung(revolute, axis=Y, drives={"rotX": turning("acceleration")})),
+    "driven alone": lambda: pair(hung(between, limits={"transX": (0.0, 0.0), "transY": (0.0, 0.0), "transZ": (0.0, 0.0)},
+                                       drives={"rotX": turning("acceleration"), "rotY": DRIVE})),
     "driven D6": lambda: pair(hung(), second(between, limits={"transX": (0.0, 0.0), "rotX": (0.0, 0.0)}, drives={
         "transY": DRIVE, "transZ": turning("force"), "rotY": turning("force"), "rotZ": DRIVE})),
     "most": lambda: pair(hung(revolute, axis=Y, drives={"rotX": Drive(900.0, 2.0, 0.9, most=3.0)}), second(spherical),

@@ -5,7 +5,7 @@ import pytest
 
 from tests.physics.joints.make import G, coordinates, errors, places, rod, start
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.joint import Drive, Joint, fixed, prismatic, revolute, spherical
+from wsim.physics.rigid.joints.joint import Drive, Joint, all_locked, between, fixed, prismatic, revolute, spherical
 
 ANGLE = np.radians(80.0)
 
@@ -127,6 +127,18 @@ def test_one_driven_coordinate_is_a_damped_oscillator(k, c, precision):
             off, size = max(off, abs(coordinates(sim)[0, 3 * turns] - exact[0])), max(size, abs(exact[0]))
         now = sim.plan.method("rigid").spins()[0, 0] if turns else sim.plan.method("rigid").velocities()[0, 0]
         assert off < small * size and abs(now - exact[1]) < small * max(size * np.sqrt(k / m), abs(exact[1]), size)
+
+
+def test_three_springs_along_the_axes_are_three_oscillators():
+    """From rest at 0: they share a body, and nothing else."""
+    k, c = np.array([300.0, 900.0, 50.0]), np.array([4.0, 1.0, 20.0])
+    body = rod("/b", (0.0, 0.0, 0.0), mass=2.0)
+    drives = {f"trans{name}": Drive(*each, 0.1) for name, *each in zip("XYZ", k, c, strict=True)}
+    joint = between("/j", None, body, limits=all_locked("transX", "transY", "transZ"), drives=drives)
+    sim = start(body, joint, substeps=4, gravity=(0.0, 0.0, 0.0))
+    sim.run(30)
+    exact = [oscillator(*each, 2.0, 0.1, 0.0, 0.0, 0.5)[0] for each in zip(k, c, strict=True)]
+    assert np.abs(coordinates(sim)[0, :3] - exact).max() < 1e-12
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e3, 1e5])

@@ -110,12 +110,11 @@ class Joints:
         shape = {name: tiled([r[name] for r in rows], int if name in ("kind", "drive") else wp.float64) for name in rows[0]}
         lists = {name: up(getattr(order, name), int)
                  for name in ("first_joint", "first_body", "body", "first_near", "near", "first_target")}
-        alone = self.single * [sum(drive > 0 for drive in r["drive"]) == 1 for r in rows]
         t = filled(Joints, a=up(np.concatenate(body[0::2]), int), b=up(np.concatenate(body[1::2]), int),
                    at_a=tiled([s[0] for s in sides[0::2]], wp.vec3d), at_b=tiled([s[0] for s in sides[1::2]], wp.vec3d),
                    turn_a=tiled([s[1] for s in sides[0::2]], wp.quatd), turn_b=tiled([s[1] for s in sides[1::2]], wp.quatd),
                    apart=tiled([b - a for a, b in from_to], wp.vec3d), form=tiled([_form(j) for j in self.joints], int),
-                   closed=tiled(self.closed, int), alone=tiled(alone, int),
+                   closed=tiled(self.closed, int), alone=tiled(self.single, int),
                    cone=tiled([_cone(j) for j in self.joints], wp.vec2d),
                    breaking=tiled([(j.force, j.torque) for j in self.joints], wp.vec2d),
                    w=up([1.0 / m.mass for m in masses], wp.float64),

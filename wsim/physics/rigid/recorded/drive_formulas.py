@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wsim.kernels.rigid.joint.drives import LEAST, TERMS
-from wsim.kernels.rigid.joint.tables import ACCELERATION, LOCKED
+from wsim.kernels.rigid.joint.tables import ACCELERATION, LOCKED, NONE
 
 SMALL = 1.0e-300
 
@@ -59,16 +59,33 @@ def drive_law(K: np.ndarray, C: np.ndarray, m: np.ndarray, alone: np.ndarray) ->
     return Law(*(one + part * (other - one) for one, other in zip(rough, exact, strict=True)))
 
 
-def effective_mass(kind: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """What each row moves while the locked rows of its joint stay, (..., joints, 6), of A_jj (..., joints, 6, 6)."""
+def effective(kind: np.ndarray, A: np.ndarray) -> np.ndarray:
+    """Schur complement of the locked rows of each joint, of A_jj (..., joints, 6, 6)."""
     A, diagonal = A + 0.0, np.einsum("...ii->...i", A).real
     for m in range(6):
         on = (kind[:, m] == int(LOCKED)) & (A[..., m, m].real > 1.0e-12 * diagonal[..., m])
         part = np.where(on[..., None], A[..., :, m] / np.where(on, A[..., m, m], 1.0)[..., None], 0.0)
         part[..., m] = 0.0
         A = A - part[..., :, None] * A[..., m:m + 1, :]
-    size = np.einsum("...ii->...i", A)
+    return A
+
+
+def inverted(size: np.ndarray) -> np.ndarray:
     return 1.0 / np.where(np.abs(size) > SMALL, size, 1.0)
+
+
+def masses(A: np.ndarray) -> np.ndarray:
+    """What each row moves, (..., joints, 6), of `effective`."""
+    return inverted(np.einsum("...ii->...i", A))
+
+
+def free_masses(drive: np.ndarray, A: np.ndarray) -> np.ndarray:
+    """The same less what other driven rows of the joint share."""
+    size = np.einsum("...ii->...i", A)
+    driven = drive > int(NONE)
+    shared = np.where(driven[:, :, None] & driven[:, None, :] & ~np.eye(6, dtype=bool), A * np.sign(A.real), 0.0)
+    ratio = np.where(driven, size, 1.0)[..., :, None] / np.where(driven, size, 1.0)[..., None, :]
+    return inverted(size + (shared * np.sqrt(ratio)).sum(axis=-1))
 
 
 def springs(drive: np.ndarray, m: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

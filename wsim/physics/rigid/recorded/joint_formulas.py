@@ -18,7 +18,7 @@ from wsim.kernels.rigid.joint.elimination import EASE
 from wsim.kernels.rigid.joint.rows import PULL, SPIN
 from wsim.kernels.rigid.joint.steps import FAST
 from wsim.kernels.rigid.joint.tables import ACCELERATION, DRIVEN, HELD, HIGHEST, LOWEST, NONE
-from wsim.physics.rigid.recorded.drive_formulas import Law, drive_law, effective_mass, springs
+from wsim.physics.rigid.recorded.drive_formulas import Law, drive_law, effective, free_masses, masses, springs
 from wsim.physics.rigid.recorded.local import Values
 from wsim.physics.rigid.recorded.rotation import (
     acted,
@@ -198,16 +198,17 @@ class Substep:
 
     def drives(self, v: Values, now: Placed, A: np.ndarray) -> tuple[Law, np.ndarray]:
         """Laws of drives, and h (k (target - g) + c speed) where the substep begins."""
-        t, m = self.t, np.ones(A.shape[:-1])
+        t, m, free = self.t, np.ones(A.shape[:-1]), np.ones(A.shape[:-1])
         if t.alone.any() or (t.drive == int(ACCELERATION)).any():
-            m = effective_mass(t.kind, A)
+            A = effective(t.kind, A)
+            m, free = masses(A), free_masses(t.drive, A)
         k, c = springs(t.drive, m, v["stiffness"], v["damping"])
-        return drive_law(self.h**2 * k, self.h * c, m, t.alone), self.h * (k * (v["target"] - now.g) + c * t.speed)
+        return drive_law(self.h**2 * k, self.h * c, free, t.alone), self.h * (k * (v["target"] - now.g) + c * t.speed)
 
     def masses(self, A: np.ndarray) -> np.ndarray:
         """Effective masses of drives of accelerations, 1 of other rows."""
         on = self.t.drive == int(ACCELERATION)
-        return np.where(on, effective_mass(self.t.kind, A), 1.0) if on.any() else np.ones(A.shape[:-1])
+        return np.where(on, masses(effective(self.t.kind, A)), 1.0) if on.any() else np.ones(A.shape[:-1])
 
     def part(self, v: Values, S: list) -> np.ndarray:
         """Part of what is not linear that is believed, as `fast` of kernels/rigid/joint/steps.py."""
