@@ -3,8 +3,9 @@
     room        region that obstacles and closed sides seal (kernels/fluid/solver/islands.py: its root cell is its number); one
                 with an open side has no limit
     capacity    2^dim sum of o over its cells, o: part of a cell outside of obstacles; whole parts of 1 / UNIT
-    offers      particles that come into each cell, in the order of cells; in a room that lacks space those behind its limit
-                stay out. Offers of several rooms are counted together, so that never too many come into one
+    offers      particles that come into each cell, in the order of cells; none into cells that obstacles cover. In a room that
+                lacks space those behind its limit stay out. Offers of several rooms are counted together, so that never too
+                many come into one
 
 Sums are of integers: the same in every run.
 """
@@ -33,8 +34,8 @@ class Rooms:
 
 @cache
 def counters(dim: int, obstacles: bool, real, module) -> SimpleNamespace:
-    """Kernels over cells: measure (capacities), clear (what a step
-    counts), count (particles held and wanted), limit (offers that find room)."""
+    """Kernels over cells: measure (capacities), clear (what a
+    step counts, and offers that are in no room), count (particles held and wanted), limit (offers that find room)."""
     S, f, part_of = structs(real), functions(dim, real), open_part(dim, real)
 
     def measure(g: S.Grid, shape: wp.vec3i, solid: wp.array(dtype=real), of: Forest, out: Rooms):
@@ -46,8 +47,10 @@ def counters(dim: int, obstacles: bool, real, module) -> SimpleNamespace:
                 o = part_of(g.dx, shape, solid, f.place(c, g.n))
             wp.atomic_add(out.capacity, r, wp.int64(wp.rint(o * wp.float64(UNIT))))
 
-    def clear(out: Rooms):
+    def clear(of: Forest, out: Rooms, offers_out: wp.array(dtype=int)):
         c = wp.tid()
+        if of.label[c] < 0:
+            offers_out[c] = 0
         out.held[c] = 0
         out.wanted[c] = 0
 

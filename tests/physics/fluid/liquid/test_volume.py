@@ -128,6 +128,13 @@ def test_a_full_box_takes_what_a_sink_makes_room_for():
     assert ids.max() > 1100 and counts[-1] > 900
 
 
+def test_a_tap_within_an_obstacle_gives_nothing():
+    """A block of 12 cells about a tap of 4: no part of it is open."""
+    block = Collider("/block", Box((6.0 / 32.0, 6.0 / 32.0, 1.0)), Motion.at_place((0.125, 0.4, 0.0)))
+    sim = poured(block)
+    assert run(sim, 4)[-1] == 0 and not stops(sim)
+
+
 # what a frame says
 
 @pytest.mark.parametrize("keeps", [True, False])

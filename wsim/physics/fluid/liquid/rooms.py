@@ -52,7 +52,7 @@ class Rooms:
         k, n, over = self.kernels, self.layout.cells, self.threads.over
         if self.obstacles and self.obstacles.moving:
             self.find()
-        over(k.clear, n, [], [self.table])
+        over(k.clear, n, [self.forest], [self.table, offers])
         over(k.count, n, [order.first, offers, self.forest], [self.table])
         over(k.limit, n, [offers, self.none, self.forest, self.table], [order.count])      # rooms that are full give up theirs
         order.scan(order.count, first)
