@@ -1,6 +1,8 @@
 """The closing report of a run, in words. The report's numbers are those of `Simulation.report()`;
 `--json` prints them."""
 
+from wsim.simulation.duration import percent
+
 UNITS = {"penetration": "m", "too_near": "m"}
 NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point"}     # rows of parts of the state, one of them
 APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
@@ -83,7 +85,16 @@ def _error(report: dict) -> list[str]:
         what = "numerical damping" if change <= 0.0 else "error"
         lines.append(f"{'' if energies else 'energy':<10}{100.0 * change:+.2g} % in {time:.3g} s ({what} of "
                      f"{report.get('integrator', 'the integrator')})")
-    return lines + _rows("count", [_value(name, v) for name, v in counts.items() if v])
+    return lines + _measured(report.get("predicted", {})) + _rows("count", [_value(name, v) for name, v in counts.items() if v])
+
+
+def _measured(said: dict) -> list[str]:
+    """The error of positions, as it was measured in the first frames."""
+    if "sensitive" not in said:
+        return []
+    error = "are not known well" if said["error"] is None else f"err by about {percent(said['error'])} of the size"
+    more = "; sensitive: small differences grow, and folds come out differently with other steps" if said["sensitive"] else ""
+    return [f"positions {error} after {said['error_frames']} frames{more}"]
 
 
 def _value(name: str, value, unit: str | None = None) -> str:

@@ -22,6 +22,7 @@ from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.exceeded import Note, note
+from wsim.simulation.predicted.measured import follow
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
 REPEATS = 8            # a frame that is not done after so many repeats is an error, not a loop
@@ -68,7 +69,7 @@ class Simulation:
 
     def _build(self) -> None:
         self.frame = 0
-        self.graph = self.pulled = None        # `pulled`: `wsim.simulation.measure.reaction.Reactions`, once asked for
+        self.graph = self.pulled = self.measured = None          # made by `reactions`, and by `follow` in the first frame
         self.balance: measure.Balance | None = None
         # a live motion changes a collider: the given scene stays as it is, for reset
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
@@ -102,6 +103,7 @@ class Simulation:
         """Steps one frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
         with GATE.shared():
             self._step()
+        follow(self)
 
     def _step(self) -> None:
         began = time.perf_counter()
@@ -211,7 +213,6 @@ class Simulation:
     def positions(self, path: str | None = None, world: int = 0, device: bool = False):
         """World positions [m] of points of a body, of rods or of hairs that follow them, float64, (n, 3), in the author's
         order.
-
         device=True, of bodies alone: (array of all points on the device in solver order, relative to the body's origin,
         index table); no copy is made and nothing is waited for.
         """

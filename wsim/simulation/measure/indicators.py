@@ -204,11 +204,13 @@ def report(sim, with_profile: bool = True) -> dict:
         "points": plan.model.points, "constraints": constraints, "sizes": sizes, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,
         "constraints_per_second": a_substep * a_second, "bodies_per_second": sizes.get("bodies", 0) * a_second,
-        "seconds": dict(sim.seconds), "error": error, "predicted": {"ms_per_frame": 1e3 * plan.seconds,
-                                                                    "error": plan.choice.error},
+        "seconds": dict(sim.seconds), "error": error,
+        "predicted": {"ms_per_frame": 1e3 * plan.seconds, "error": plan.choice.error,
+                      **(sim.measured.report() if sim.measured else {})},
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in method.kept()],
-        "skipped": plan.skipped, "warnings": [*sim.warnings, *missed(sim.fps, later), *deep], "repeats": list(sim.repeats),
+        "skipped": plan.skipped, "repeats": list(sim.repeats),
+        "warnings": [*sim.warnings, *missed(sim.fps, later), *deep, *(sim.measured.warnings() if sim.measured else [])],
         **({"balance": watch.report()} if (watch := plan.find("balance")) else {}), **limits, **forms,
     }

@@ -1,8 +1,8 @@
 """RMS error [m] that each solver is predicted to leave after a fall through a body's size L, T = sqrt(2 L / g), before any is
 run: with steps h, tau = sqrt(L / g), omega the highest frequency of the scene,
 
-    leapfrog           LEAP g h^2, and what float32 rounds; on colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L
-                       where slivers have more mass
+    leapfrog           LEAP g h^2, of what the wind moves LEAP (g + a) (1 + c T) h^2 (`_aired`), and what float32 rounds; on
+                       colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L where slivers have more mass
     backward Euler     DRIFT h sqrt(g L) on what falls and swings, EULER on colliders
     XPBD               that of backward Euler, and what M sweeps over N springs in a row leave: `swept`
     BDF2, one Newton   SECOND g h^2 and TURNED (omega h)^2 h sqrt(g L): an edge that turns in a step strains by the square
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wsim.geometry.topology import areas
 from wsim.model.model import Body, Model, edge_lengths
 from wsim.scene.methods import collides
 
@@ -108,7 +109,22 @@ def extent(body: Body) -> float:
 def leapfrog(model: Model, bodies: list[Fall], h: float) -> float:
     """Error of leapfrog where it is stable [m]."""
     hit = drift(bodies, h, HIT) if collides(model.scene) else 0.0
-    return max((LEAP * b.g * h * h for b in bodies), default=0.0) + ROUNDED * size(model) + hit
+    own = max((LEAP * (b.g + a) * (1.0 + c * (2.0 * b.size / b.g)**0.5) * h * h
+               for b, (a, c) in zip(bodies, _aired(model), strict=True)), default=0.0)
+    return own + ROUNDED * size(model) + hit
+
+
+def _aired(model: Model) -> list[tuple[float, float]]:
+    """Acceleration a [m/s^2] that the wind gives each body of `falls`, and the rate c = 2 a / speed [1/s] at which the air
+    takes the body with it: what sways in it errs by 1 + c T of what hangs."""
+    found, scene = [], model.scene
+    speed = float(np.linalg.norm(scene.wind))
+    for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
+        force = scene.air_density * speed * (getattr(body.source, "drag", 0.0) + getattr(body.source, "lift", 0.0))
+        area = float(areas(body.rest, body.triangles - body.first).sum()) if force else 0.0
+        c = force * area / float(body.masses.sum())
+        found.append((0.5 * c * speed, c))
+    return found
 
 
 def euler(model: Model, bodies: list[Fall], h: float, sweeps: int = 0) -> float:

@@ -1,0 +1,101 @@
+"""The error that a run reports of its first frames, beside converged runs and closed forms."""
+
+from dataclasses import replace
+from math import log, sqrt
+
+import numpy as np
+import pytest
+
+from wsim import Box, Fabric, Scene, Simulation
+from wsim.simulation.predicted.measured import GROWS, SENSITIVE
+from wsim.simulation.report import text
+
+STIFF = Fabric(stretch=2600.0, shear=1100.0, bend=8e-4, thickness=6.6e-4, density=185.0, poisson=0.2)
+
+
+def slivers() -> Scene:
+    """A sheet of 5 x 5 cells on a small box, with more columns of points, a thirtieth of a cell beside the inner ones."""
+    width, line = 0.13, np.linspace(0.0, 1.0, 6)
+    across = np.sort(np.concatenate([line, line[1:-1] + 0.006])) * width
+    points = np.array([(x - width / 2, 0.0, z - width / 2) for z in line * width for x in across])
+    n = len(across)
+    corners = [(j * n + i, (j + 1) * n + i, (j + 1) * n + i + 1, j * n + i + 1) for j in range(5) for i in range(n - 1)]
+    triangles = [t for a, b, c, d in corners for t in ((a, b, c), (a, c, d))]
+    scene = Scene(fps=30.0)
+    scene.cloth("/c", points, np.full(len(triangles), 3), np.ravel(triangles), material=STIFF)
+    scene.collider("/b", Box((0.0266, 0.0133, 0.0266)), at=(0.0, -0.02, 0.0))
+    return scene
+
+
+def row(stretched: float) -> Scene:
+    """Three points in a row at rest without gravity, the outer two pinned; the springs are so much longer than at rest."""
+    scene = Scene(fps=30.0, gravity=(0.0, 0.0, 0.0))
+    points = np.array([(-0.1, 0.0, 0.0), (0.0, 0.0, 0.0), (0.1, 0.0, 0.0)])
+    net = scene.net("/n", points, [(0, 1), (1, 2)], [50.0], [0.01], lengths=np.full(2, 0.1 / (1.0 + stretched)))
+    scene.pin("/p", net, [0, 2])
+    return scene
+
+
+def test_sweeps_report_at_least_the_error_that_they_have_and_the_main_run_keeps_its_bits():
+    """Leapfrog of twice as many substeps agrees with the reference."""
+    scene = slivers()
+    auto, alone = Simulation(scene, device="cpu"), Simulation(scene, device="cpu")
+    alone.measured = False
+    assert auto.plan.choice.solver == "xpbd"
+    auto.run(3)
+    alone.run(3)
+    assert np.array_equal(auto.positions("/c"), alone.positions("/c"))
+    exact = replace(scene, solver="explicit", integrator="leapfrog", substeps=2500)
+    fine = Simulation(exact, device="cpu", precision="float64")
+    fine.run(3)
+    apart = auto.positions("/c") - fine.positions("/c")
+    true, said = sqrt((apart**2).sum(axis=1).mean()) / 0.13, auto.report(False)["predicted"]
+    assert true <= said["error"] and said["error_before"] < true
+    assert "positions err by about" in text(auto.report(False))
+
+
+def test_a_row_that_is_pressed_grows_as_its_middle_point_does():
+    """sigma^2 = -2 k strain / m of one free point between two springs; the sum of tensions of the pinned ones is half of it."""
+    pressed, pulled = (Simulation(row(s), device="cpu") for s in (-0.02, 0.02))
+    for sim in (pressed, pulled):
+        assert sim.plan.choice.solver == "explicit"
+        sim.run(3)
+    square = 50.0 * 0.02 / 0.01 * np.array([1.0, 2.0, 1.0])
+    assert log(pressed.measured.growth) == pytest.approx(GROWS * sqrt(square.mean()) * 3 / 30.0, rel=1e-4)
+    assert pulled.measured.growth == 1.0
+
+
+def test_a_pressed_sheet_is_called_sensitive_and_a_hanging_one_is_not():
+    def of(rate: float) -> dict:
+        scene = row(rate)
+        scene.fps = 3.0
+        sim = Simulation(scene, device="cpu")
+        sim.run(3)
+        return sim.report(False)
+    assert of(-0.02)["predicted"]["sensitive"] and "sensitive" in text(of(-0.02))
+    assert not of(0.02)["predicted"]["sensitive"] and "sensitive" not in text(of(0.02))
+    assert SENSITIVE > 100.0
+
+
+def test_steps_that_a_scene_names_are_not_measured():
+    sim = Simulation(replace(slivers(), solver="xpbd", iterations=1), device="cpu")
+    sim.run(1)
+    assert not sim.measured and "sensitive" not in sim.report(False)["predicted"]
+
+
+def test_positions_that_are_set_are_not_the_start_of_a_companion():
+    sim = Simulation(slivers(), device="cpu")
+    sim.set("/c", "positions", sim.positions("/c") + 1.0)
+    sim.run(1)
+    assert sim.measured is False
+
+
+def test_strain_that_more_substeps_would_lower_is_warned_of_with_both_numbers():
+    """Of strains 0.1 + 0.4 (h / h0)^2 and (h / h0): those of a converged run, 10 %, are within what is said."""
+    sim = Simulation(slivers(), device="cpu")
+    sim.run(1)
+    for order, said in ((2, "0 to 10 %"), (1, "10 to 42 %")):
+        sim.measured.strains = [(0.1 + 0.4, 0.1 + 0.4 * 4.0**order)]
+        assert any(f"up to 50 % in frame 1, where a converged run has {said}" in w for w in sim.measured.warnings())
+    sim.measured.strains = [(0.1 + 0.01, 0.1 + 0.04)]
+    assert not any("strain" in w for w in sim.measured.warnings())
