@@ -14,7 +14,7 @@ import numpy as np
 
 from tools.bench.rigid.answers.case import Case, Figure
 from tools.bench.rigid.answers.rolling import named
-from tools.bench.rigid.answers.stage import RATES, Stage
+from tools.bench.rigid.answers.stage import RATES, Stage, turned
 from wsim.scene import Box, Capsule, Plane, Sphere
 
 OFFSETS = (0.2, 0.6, 1.0, 1.4, 1.8)                          # over r1 + r2, twice
@@ -121,6 +121,20 @@ def struck(a: Solid, b: Solid, v: np.ndarray, masses, when: float) -> dict[str, 
             "cosine": n @ v / np.linalg.norm(v)}
 
 
+def again(a: Solid, b: Solid, v: np.ndarray, known: dict, when: float, most: float) -> bool:
+    """Whether they touch once more within a time after the blow: long bodies do, as they turn. Spins stay as they are."""
+    for t in np.linspace(0.02, 1.0, 50) * most:
+        ends = []
+        for each, at, k in ((a, a.at + when * v, 1), (b, b.at, 2)):
+            w = known[f"w{k}"]
+            turn = turned(w, degrees(np.linalg.norm(w) * t)) if np.linalg.norm(w) > 0.0 else np.eye(3)
+            ends.append(Solid(each.kind, each.size, at + t * known[f"v{k}"], turn @ each.turn))
+        p, q = closest(*ends)
+        if np.linalg.norm(p - q) < a.radius + b.radius:
+            return True
+    return False
+
+
 def random_turn(rng) -> np.ndarray:
     Q, S = np.linalg.qr(rng.normal(size=(3, 3)))
     Q = Q * np.sign(np.diag(S))
@@ -141,7 +155,7 @@ def draw(rng, kinds: tuple[str, str], size: float, rate) -> tuple:
         if when is None:
             continue
         known = struck(a, b, v, masses, when)
-        if known["cosine"] > 0.3:
+        if known["cosine"] > 0.3 and not again(a, b, v, known, when, 1.0 / rate[0]):
             return a, b, v, masses, when, known
 
 

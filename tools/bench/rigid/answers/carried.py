@@ -34,7 +34,7 @@ def spun(place, turns: float) -> Callable[[float], np.ndarray]:
     return lambda t: framed(place, turned((0.0, 0.0, 1.0), 360.0 * turns * t))
 
 
-TABLES = {"box": (Box((1.0, 1.0, 0.1)), 0.1), "cylinder": (Cylinder(1.0, 0.1), 0.1), "mesh": (grid(7, 2.0, jitter=0.3), 0.0)}
+TABLES = {"box": (Box((1.0, 1.0, 0.1)), 0.1), "cylinder": (Cylinder(1.0, 0.1), 0.1), "mesh": (grid(7, 2.0, jitter=0.2), 0.0)}
 
 
 def tables(precision: str, kind: str, rate, tilt: str = "level", part: float = PART) -> tuple[list[Figure], float]:
@@ -69,7 +69,7 @@ MOTIONS: dict[str, tuple[Callable[[float], np.ndarray], tuple]] = {
 
 def shaken(precision: str, rate) -> tuple[list[Figure], float]:
     stage, known = Stage(*rate), {}
-    times = np.arange(0.0, SECONDS + 0.1, 1.0 / 240.0)
+    times = np.arange(0.0, SECONDS + 0.1, 1.0 / (rate[0] * rate[1]))          # a key a substep: no jump of speed within one
     for k, (name, (move, velocity)) in enumerate(MOTIONS.items()):
         place = np.array([0.0, 5.0 * k, 0.0])
         known[name] = lambda t, move=move, place=place: framed(place) @ move(t)

@@ -74,7 +74,7 @@ def reference(precision: str, name: str) -> tuple[list[Figure], float]:
     a, c, degrees, rho = COINS[name]
     s = steady(a, c, degrees, rho)
     seconds = 1.0 / s["W"]
-    x, e3, _ = integrate(a, c, s["x"], s["e3"], s["w"], seconds, 4000)
+    x, e3, _ = integrate(a, c, s["x"], s["e3"], s["w"], seconds, 800)
     return [Figure("angle after 1 rad", abs(np.arctan2(e3[1], e3[0]) - 1.0), 1e-8),
             Figure("radius of the circle", abs(float(np.hypot(x[0], x[1])) / rho - 1.0), 1e-8)], 0.0
 

@@ -33,7 +33,7 @@ def lay(stage: Stage, kind: str, size: float, lane: int, away: float) -> None:
     """COUNT tiles along x from 0 on, five across; of the kind "mesh" one mesh."""
     if kind == "mesh":
         length = COUNT * size
-        stage.collider(f"/lane{lane}", grid(COUNT, length, (0.5 * length - 0.5 * size, 0.0), 0.3, lane), (0.0, away, 0.0))
+        stage.collider(f"/lane{lane}", grid(COUNT, length, (0.5 * length - 0.5 * size, 0.0), 0.2, lane), (0.0, away, 0.0))
         return
     shape, depth = tile(kind, size)
     for i in range(COUNT):
@@ -76,7 +76,7 @@ def cube(precision: str, rate, runs: int = 30, half: float = 0.15, cells: int = 
     for k in range(runs):
         place = np.array([0.0, 20.0 * k, 0.0])
         of_mesh, of_way, of_cube = (turned((0.0, 0.0, 1.0), angle) for angle in rng.uniform(0.0, 360.0, 3))
-        stage.collider(f"/mesh{k}", grid(cells, 8.0, jitter=0.4, seed=k), place, of_mesh, 0.0)
+        stage.collider(f"/mesh{k}", grid(cells, 8.0, jitter=0.24, seed=k), place, of_mesh, 0.0)
         v = of_way @ (rng.uniform(0.5, 4.0), 0.0, 0.0)
         stage.body(f"/cube{k}", Box((half,) * 3), place + (0.0, 0.0, half), of_cube, v, rub=0.0)
     track = stage.run(0.8, precision)

@@ -60,4 +60,4 @@ def floor(stage: Stage, kind: str, size: float, **more) -> None:
     elif kind == "box":
         stage.collider("/floor", Box((0.5 * size, 0.5 * size, 0.02 * size)), (0.0, 0.0, -0.02 * size), **more)
     else:
-        stage.collider("/floor", grid(23, size, jitter=0.3), **more)
+        stage.collider("/floor", grid(23, size, jitter=0.2), **more)

@@ -27,7 +27,7 @@ def shots(precision: str, rate, wall: str, rest: float, spin: float = 0.0) -> tu
         if wall == "box":
             stage.collider(f"/wall{k}", Box((0.5 * thick, 1.0, 1.0)), place, rest=rest)
         elif wall == "mesh":
-            stage.collider(f"/wall{k}", grid(5, 2.0, jitter=0.3, seed=k), place, UPRIGHT, rest=rest)
+            stage.collider(f"/wall{k}", grid(5, 2.0, jitter=0.2, seed=k), place, UPRIGHT, rest=rest)
         else:
             stage.body(f"/wall{k}", Box((0.5 * thick, 1.0, 1.0)), place, mass=1e3, rest=rest)
         start = place - (0.5 + v * rng.uniform(0.05, 0.1), 0.0, 0.0)
