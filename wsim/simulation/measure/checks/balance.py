@@ -153,14 +153,14 @@ class Balance(Method):
         each, world = gains_by_prim(self, found["world"]), found["world"]
         path = max(each, key=lambda name: each[name]) + f" (world {world})" * (self.model.worlds > 1)
         most = float(self.part.arrays["balance_most"].numpy()[world])
-        part, more = 100.0 * found["gained"] / max(most, 1e-300), "substeps or iterations" if self.iterates else "substeps"
+        gained, more = found["gained"], "substeps or iterations" if self.iterates else "substeps"
         if (said == 2).any():
-            return [(("speeds",), part, f"{path} is faster than what moves it can make it; give it more {more} (now "
+            return [(("speeds",), most, f"{path} is faster than what moves it can make it; give it more {more} (now "
                      f"{self.clock.steps} substeps)")]
-        if part >= self.worst[0]:
-            self.worst = part, (f"{path} gained energy that nothing gave it, {{worst}} % of the largest kinetic energy so far; "
-                                f"give it more {more} (now {self.clock.steps} substeps)")
-        return [(("energy",), part, self.worst[1])]
+        if gained >= self.worst[0]:
+            self.worst = gained, (f"{path} gained energy that nothing gave it, {{worst}} J where the largest kinetic energy so "
+                                  f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps)")
+        return [(("energy",), gained, self.worst[1])]
 
     def report(self) -> dict[str, Any]:
         """The part of a report: frames, those left open by reason, the largest rise over the largest kinetic energy."""
