@@ -18,6 +18,9 @@ Q has no moment where the substep ends (kernels/selfcontact/couple.py). P has no
     y = x + d~ - h v~,      as  (x + d) x (v~ + w P / h) - (x + d~) x v~ = y x w P / h  of one point,  d = d~ + w P
 
 which is x but for what forces have changed in h / 2. So a couple gives back sum_k y_k x P_k.
+
+Pushes that Newton steps have solved for (kernels/selfcontact/newton_rows.py) act all through the step, as other forces do: v~
+has 2 P / h of them, which is right at rest, and they count about the middle, y - x = d~ - e by the same sum.
 """
 
 from functools import cache
@@ -45,6 +48,7 @@ def slips(real):
         turn: wp.array(dtype=t.vec3)              # moment of P [m^2 kg]
         Q: wp.array(dtype=t.vec3)                 # [kg m/s]
         sticks: wp.array(dtype=int)
+        solved: wp.array(dtype=t.vec3)            # what Newton steps have pushed with [m kg]; empty: they have not
 
     return Slips
 
@@ -82,7 +86,7 @@ def arms_of(real):
 
 @cache
 def gather(real, module):
-    """Kernel: the pairs that push. ahead: d~ [m]; at.v: v~ [m/s]."""
+    """Kernel: the pairs that push. ahead: d~ [m]; at.v: v~ [m/s];"""
     t = types(real)
     Surfaces, State, Pairs = pairs.surfaces(real), states(real), pairs.lists(real)
     Aims, Slips, (arms, lever, _), (free, _) = aims(real), slips(real), couple(real), arms_of(real)
@@ -95,8 +99,9 @@ def gather(real, module):
         return mu
 
     @wp.func
-    def moment(s: Surfaces, at: State, ahead: wp.array(dtype=t.vec3), ids: wp.vec4i, b: t.vec4, push: t.vec3, h: real):
-        """sum_k y_k x P_k: of y - x, and of x where friction has no couple."""
+    def moment(s: Surfaces, at: State, ahead: wp.array(dtype=t.vec3), ids: wp.vec4i, b: t.vec4, push: t.vec3, h: real,
+               twice: real):
+        """sum_k y_k x P_k: of y - x, and of x where friction has no couple. h 0, twice 2: of a push that was solved for."""
         M = t.vec3()
         if free(s, ids):
             r, D = arms(s, at, ids, b)
@@ -105,7 +110,7 @@ def gather(real, module):
             if rub(s, ids, b)[0] > real(0.0):
                 back = lever(r) * moment
             else:
-                M = moment
+                M = twice * moment
             for k in range(4):
                 y = (ahead[ids[k]] - at.e[ids[k]]) - h * at.v[ids[k]]
                 M += wp.cross(y, b[k] * push - wp.cross(back, r[k]))
@@ -122,23 +127,28 @@ def gather(real, module):
             ids = near.ids[i]
             b = near.b[i]
             push = near.push[i]
+            within = t.vec3()
+            if slip.solved.shape[0] > 0:
+                within = slip.solved[j]
+            behind = push - within
             lam = wp.dot(push, near.n[i])
             to.ids[j] = ids
             to.b[j] = b
             to.keep[j] = near.keep[i]
             to.n[j] = near.n[i]
             to.q[j] = real(0.0)
-            to.least[j] = -lam / h
+            to.least[j] = -(lam + wp.dot(within, near.n[i])) / h
             to.most[j] = real(0.0)
             if lam > real(0.0):
                 mu = rub(s, ids, b)[1]
                 slip.p[j] = push / lam
-                slip.turn[j] = moment(s, at, ahead, ids, b, push, h)
+                slip.turn[j] = (moment(s, at, ahead, ids, b, behind, h, real(1.0))
+                                + moment(s, at, ahead, ids, b, within, real(0.0), real(2.0)))
                 to.most[j] = real(1.0e30)
                 slip.sticks[j] = wp.where(wp.length(push - lam * near.n[i]) < real(SLIDES) * mu * lam, 1, 0)
                 slip.Q[j] = t.vec3()
                 if wp.length(push - near.past[i]) < real(ALIKE) * lam:
-                    slip.Q[j] = push / h
+                    slip.Q[j] = behind / h
             j += threads
 
     return gather_pushes

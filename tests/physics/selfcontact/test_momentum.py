@@ -8,6 +8,7 @@ import pytest
 from tests.conftest import first_and_slow
 from tests.physics.rigid.touch.touching import Mixed
 from tests.physics.selfcontact.rig import THIN, crossed, layers, run, solvers
+from wsim.kernels.selfcontact.newton.law import BACK, DEPTH
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Collider, Motion, Scene, shapes
 from wsim.scene.solid import Bulk
@@ -63,7 +64,8 @@ def test_angular_momentum_is_kept(solver, friction):
 @pytest.mark.parametrize("solver", first_and_slow(solvers("newton", "newton bdf2", "xpbd", "leapfrog")))
 def test_a_rigid_body_far_away_changes_nothing_of_what_two_sheets_do(solver):
     """Newton's method balanced the momentum of each sheet with what bodies push it by, and took back what the other sheet had:
-    half of the momentum of one sheet came from nowhere, and edges were strained by 14 %."""
+    half of the momentum of one sheet came from nowhere, and edges were strained by 14 %. Newton steps end where a row is wrong
+    by less than DEPTH of the 2 mm that it keeps, and it takes BACK of that in a substep of 1/600 s: 0.012 m/s of 8."""
     def met(body: bool):
         scene = layers(2, 8, 0.02, **solver)
         for cloth, speed in zip(scene.cloths, (4.0, -4.0), strict=True):
@@ -76,7 +78,8 @@ def test_a_rigid_body_far_away_changes_nothing_of_what_two_sheets_do(solver):
             sim.step()
             assert np.abs(moments(sim)[0] - before).max() < 1e-6 * size
         return np.stack([sim.velocities(cloth.path) for cloth in scene.cloths])
-    assert np.abs(met(True) - met(False)).max() < 1e-3
+    left = DEPTH * BACK * 2e-3 * 600.0 if solver["solver"] == "implicit" else 1e-3
+    assert np.abs(met(True) - met(False)).max() < left
 
 
 def struck(**solver) -> Scene:

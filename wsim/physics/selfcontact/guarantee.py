@@ -7,11 +7,17 @@ from typing import TYPE_CHECKING, Any
 import warp as wp
 
 from wsim.kernels.selfcontact import certificate, cut, pairs
+from wsim.physics.selfcontact import fast
 from wsim.physics.selfcontact.modules import core
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from wsim.model.model import Model
+    from wsim.physics.selfcontact.method import SelfContact
     from wsim.physics.selfcontact.near import Near
+
+LOSS = 5               # percent of its motion that a point may lose in a substep before the frame is repeated
 
 
 class Guarantee:
@@ -102,3 +108,24 @@ class Guarantee:
         wp.capture_if(near.word(pairs.OUT), lambda: self.anew(at, again))
         self.certify(at, 1 if self.pinch else 2)
         self.model.launch(self.proceed, 1, [], [near.words, 2, cut.ROUNDS])
+
+
+def frame_warnings(method: SelfContact, said: np.ndarray) -> list[tuple[tuple, float, str]]:
+    """Warnings of a frame, by its words."""
+    found: list[tuple[tuple, float, str]] = []
+    if said[cut.CLOSE]:
+        found.append((("self-contact", "close"), float(said[cut.CLOSE]), "{worst} pairs of surfaces began a substep "
+                      "intersecting or closer than what a file can tell apart; nothing is proven of them"))
+    if said[cut.FAST]:
+        found.append((("self-contact", "fast"), float(method.fast.needed(said)), f"{fast.WHY}; {{worst}} substeps would do"))
+    if said[cut.LOST] > LOSS:
+        found.append((("self-contact", "cut"), float(said[cut.LOST]), "surfaces were about to pass through each other, and "
+                      "a point lost {worst} % of its motion in a substep; give more substeps"))
+    if said[cut.STAYED]:
+        found.append((("self-contact", "held"), float(said[cut.STAYED]), "surfaces were held where they were in {worst} "
+                      "substeps: nothing else kept them from passing through each other; is something pinched?"))
+    if said[cut.PINCHED]:
+        body = next(b for b in method.model.bodies if said[cut.WHERE] <= b.last)
+        found.append((("self-contact", "pinched"), float(said[cut.PINCHED]), f"colliders left no room for {body.path}: "
+                      "{worst} pairs of surfaces, counted in each substep, had no way out, and pass through each other"))
+    return found

@@ -1,9 +1,11 @@
 """Surfaces that touch themselves and each other: contact rows among the constraints of a solver, and behind them the guarantee
 that no substep ends with an intersection that it did not begin with.
 
-XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps and Newton's method they come as
-impulses, BEHIND of them (as pairs of carriers do), and more while a pair would end at less than half of its distance: what is
-light between what is heavy takes hundreds. By leapfrog only where there are neither colliders nor strands: what is read behind
+XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps they come as impulses, BEHIND of them (as
+pairs of carriers do), and more while a pair would end at less than half of its distance: what is light between what is heavy
+takes hundreds. Newton's method solves for them (wsim/physics/selfcontact/newton_rows.py): sweeps move points by their masses
+alone, and the stretch of that gained energy; they come behind it for what strands and bodies push, and for pairs that are left
+too near. By leapfrog only where there are neither colliders nor strands: what is read behind
 half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
 behind each solver: it changes displacements before velocities are made of them. The implicit midpoint goes on to the end of its
 steps before (wsim/physics/selfcontact/prolonged.py), by XPBD too, with colliders or without; sdirk3, which solves twice a step,
@@ -23,7 +25,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.selfcontact import fast
 from wsim.physics.selfcontact.apart import Apart
-from wsim.physics.selfcontact.guarantee import Guarantee
+from wsim.physics.selfcontact.guarantee import LOSS, Guarantee, frame_warnings
 from wsim.physics.selfcontact.modules import sweeps
 from wsim.physics.selfcontact.near import Near
 from wsim.physics.selfcontact.settle import Settle
@@ -39,7 +41,6 @@ SWEEPS, BEHIND, LAST = 3, 24, 24 # of contact rows: in an iteration of XPBD, beh
 LONGER = 16                      # blocks of more sweeps (kernels/selfcontact/rows.py), at most, while pairs would end too near
 THREADS = 1 << 18                # of a sweep on a GPU, at most: each takes more pairs, where there are more
 ROUNDS, MORE = 16, 3             # projections of what is not certified, at most; times as many in a frame that lost too much
-LOSS = 5                         # percent of its motion that a point may lose in a substep before the frame is repeated
 ANEW = 4                         # sweeps of XPBD over the same pairs; behind another solver each looks: what rests is calm
 
 
@@ -56,6 +57,7 @@ class SelfContact(Method):
         self.points = b.methods.find("points")
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
         self.bounce: Any = None          # what they throw back with, `wsim.physics.contact.restitution.Bounce`
+        self.solved: Any = None          # `wsim.physics.selfcontact.newton_rows.NewtonRows`, where Newton steps solve for rows
         self.start: Any = None           # e where substeps begin, if bodies change it for a memory
         self.prolonged = getattr(b.methods.find("contact"), "prolonged", None)
         b.status.reserve(SAID, cut.SAID)
@@ -111,6 +113,10 @@ class SelfContact(Method):
         self.contact, self.bounce = others.find("contact"), others.find("bounce")
         self.start = self.contact.movers.starts() if self.contact and self.contact.movers else None
         self.settle.meet(others)
+        if (terms := others.find("terms")) is not None:
+            from wsim.physics.selfcontact.newton_rows import NewtonRows
+            self.solved = NewtonRows(self, others.find("assembly"))
+            terms.insert(0, self.solved)                 # before colliders bear what rows push
 
     def at(self):
         """The same, with strands and colliders."""
@@ -144,7 +150,8 @@ class SelfContact(Method):
     def touch(self, clock: Clock) -> None:
         import warp as wp
         last = not self.within or clock.i == clock.iterations - 1
-        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
+        if not self.solved or self.strands or self.contact and self.contact.movers:
+            wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
         if self.within and last:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))
         if last and self.going:
@@ -225,7 +232,7 @@ class SelfContact(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.fresh:
             self.near.build(*(() if self.surfaces.state else (self.own(), clock.h * self.state.v.numpy())))
-            self.settle.room()
+            self.room()
         else:
             self.near.anew()
         self.surfaces.weigh(self.points.constants.w)
@@ -259,8 +266,14 @@ class SelfContact(Method):
         if wanted <= before:
             return ""
         self.near.grow(wanted)
-        self.settle.room()
+        self.room()
         return f"{wanted} pairs of surfaces were near each other, and there was room for {before}"
+
+    def room(self) -> None:
+        """Arrays of others for as many pairs as the list has room for."""
+        for each in (self.settle, self.solved):
+            if each:
+                each.room()
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         said = status.said(SAID)
@@ -270,23 +283,7 @@ class SelfContact(Method):
         moved, taken = said[[cut.MOVED, cut.TAKEN]].astype(np.int32).view(np.float32)
         self.swept, self.taken = self.swept + float(moved) * self.clock.h, self.taken + float(taken)
         self.frames += 1
-        found: list[tuple[tuple, float, str]] = []
-        if said[cut.CLOSE]:
-            found.append((("self-contact", "close"), float(said[cut.CLOSE]), "{worst} pairs of surfaces began a substep "
-                          "intersecting or closer than what a file can tell apart; nothing is proven of them"))
-        if said[cut.FAST]:
-            found.append((("self-contact", "fast"), float(self.fast.needed(said)), f"{fast.WHY}; {{worst}} substeps would do"))
-        if said[cut.LOST] > LOSS:
-            found.append((("self-contact", "cut"), float(said[cut.LOST]), "surfaces were about to pass through each other, and "
-                          "a point lost {worst} % of its motion in a substep; give more substeps"))
-        if said[cut.STAYED]:
-            found.append((("self-contact", "held"), float(said[cut.STAYED]), "surfaces were held where they were in {worst} "
-                          "substeps: nothing else kept them from passing through each other; is something pinched?"))
-        if said[cut.PINCHED]:
-            body = next(b for b in self.model.bodies if said[cut.WHERE] <= b.last)
-            found.append((("self-contact", "pinched"), float(said[cut.PINCHED]), f"colliders left no room for {body.path}: "
-                          "{worst} pairs of surfaces, counted in each substep, had no way out, and pass through each other"))
-        return found
+        return frame_warnings(self, said)
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """Those of the list, `Near.told`; searches, projected and cut substeps, held ones, of all frames; repeated: frames, for

@@ -3,6 +3,7 @@ their solver. What only some scenes need stays in the module of the plan.
 
     core        search, proof, projections and cuts, of surfaces and of strands: 3 CPU-s to compile
     sweeps      contact rows of surfaces, and frames without contacts: 1 CPU-s
+    newton      the same rows in Newton steps, for each kind of forces
 
 Warp knows a module by its set of kernels, and compiles it anew where one comes to it: all of a set are made at once. On CUDA
 the threads of a block are in the name, since strands and surfaces of one plan may have others.
@@ -14,6 +15,8 @@ from typing import TYPE_CHECKING
 
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import certificate, cut, pairs, rows, search, tree, tubes
+from wsim.kernels.selfcontact.newton import energy, push, solve
+from wsim.kernels.solver import line_search, pcg
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,6 +29,9 @@ CORE = (tree.number, tree.lay, tubes.tally, tubes.fold, tubes.fit, tubes.axes, t
 CORE_WORDS = tree.join, certificate.proceed              # of no precision
 SWEEPS = tubes.way, rows.lean, rows.nearer               # and rows.press
 SWEEPS_WORDS = (rows.further,)
+NEWTON = (push.stiffen, push.renew, push.join, push.give, push.take, energy.multiply, energy.change, energy.tell,
+          solve.spread, solve.measure, solve.compare)
+NEWTON_WORDS = solve.count, solve.share
 
 
 def core(model: Model) -> str:
@@ -40,6 +46,16 @@ def sweeps(model: Model, turns: bool) -> str:
     def press(real, module):
         return rows.press(real, module, turns)
     return _made(model, f"wsim_selfcontact_sweeps{'_turns' * turns}", (*SWEEPS, press), SWEEPS_WORDS)
+
+
+def newton(model: Model, springs: bool, elements: bool) -> str:
+    """Name of the module of contact rows in Newton steps of such forces."""
+    def of_forces(real, module):
+        solve.multiply(real, module, springs, elements)
+        pcg.several(real, module, springs, elements)
+        line_search.choose(real, module)
+    name = "_".join(["wsim_selfcontact_newton", *["springs"] * springs, *["elements"] * elements])
+    return _made(model, name, (*NEWTON, of_forces), NEWTON_WORDS)
 
 
 def _made(model: Model, name: str, kernels: tuple[Callable, ...], words: tuple[Callable, ...]) -> str:

@@ -49,6 +49,9 @@ class Prolonged(Settle):
     def asked(self, clock: Clock) -> bool:
         return clock.integrator.beyond
 
+    def ahead_of(self, clock: Clock) -> float:
+        return 1.0 + self.motion.more if self.asked(clock) else 1.0
+
     def expected(self, clock: Clock):
         at = self.method.at()
         if not self.asked(clock):
@@ -88,6 +91,8 @@ class Prolonged(Settle):
         near = self.method.near
         given = [self.method.surfaces.data, self.state_of(v=self.speeds()), near.pairs, self.ahead, clock.h]
         self.aims.count.zero_()
+        if self.method.solved:
+            self.slips.solved = self.method.solved.law.push
         wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", given, [self.aims, self.slips]))
 
     def settle(self, clock: Clock) -> None:

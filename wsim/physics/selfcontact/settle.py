@@ -113,6 +113,10 @@ class Settle:
         """State of the points where a substep begins, with the way that they are expected to go."""
         return self.method.at()
 
+    def ahead_of(self, clock: Clock) -> float:
+        """How far a substep goes, over where it is solved for."""
+        return 1.0
+
     def asked(self, clock: Clock) -> bool:
         """True for a substep behind which velocities are settled, and the one before it."""
         return self.memory or self.halved and clock.k >= clock.substeps - 2

@@ -4,7 +4,7 @@
 What acts beside the forces of bodies (soft pins, contacts, the momentum of what is free) is a `Term`.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import warp as wp
@@ -50,6 +50,15 @@ class Term:
     def left(self, f: wp.array) -> wp.array:
         """Forces that are not borne, of forces f, after `hold`."""
         return f
+
+    def begin(self, clock: Clock, back: Callable[[], None], line) -> None:
+        """Acts where Newton steps begin. back: launches the way back to where the substep began; line: the line search."""
+
+    def follow(self, clock: Clock, again: Callable[[], None]) -> None:
+        """Acts behind the scene's Newton steps of a substep. again: launches a further one."""
+
+    def end(self, clock: Clock) -> None:
+        """Acts behind all Newton steps of a substep."""
 
 
 class Assembly:

@@ -61,5 +61,16 @@ class LineSearch:
                 m.bending.search(trials[m.bending.table.kind], trials["curvature"], [s.x, s.d, a, y, rate])
             for solid in m.solids:
                 launch(m.stressed[solid.name][1], rows, [trials[solid.name], solid.data, s.x, s.d, a, y, solid.q, rate], [])
-            system.launch(self.choose, [trials[""], system.drop], [self.step])
+            self.choose_step(trials[""], bool(terms))
         launch(self.move, m.model.points, [system.of, self.step, y, s.d], [s.d])
+
+    def choose_step(self, trial, together: bool) -> None:
+        """The step of each system. together: of all that are joined by contacts, the same one."""
+        system = self.assembly.system
+
+        def alone() -> None:
+            system.launch(self.choose, [trial, system.drop], [self.step])
+        if together and system.joined:
+            system.joined.when_near(lambda: system.joined.choose_step(trial, self.step), alone)
+        else:
+            alone()

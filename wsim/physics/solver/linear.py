@@ -96,7 +96,10 @@ def blocks(hinges: np.ndarray, spans: Any, elements: list[np.ndarray], n: int) -
 
 
 class System:
-    """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`)."""
+    """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`). joined: what makes
+    one of all bodies of a world where their surfaces are near each other."""
+
+    joined: Any = None                   # `wsim.physics.selfcontact.newton_rows.NewtonRows`
 
     def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray],
                  coarse: Sequence[Body] = (), spans: Any = None, schwarz: bool = False):
@@ -142,7 +145,7 @@ class System:
             from wsim.kernels.fused.conjugate import solve
             self.kernel = solve(model.real, model.module_of(self.cluster.threads), self.cluster)
         elif self.large:
-            self.kernels, self.chunks = pcg.several(*kinds, bool(coarse)), self.cut()
+            self.kernels, self.chunks = pcg.several(*kinds, bool(coarse)), self.cut(self.starts)
         else:
             self.kernel = pcg.solve(*kinds)
 
@@ -153,13 +156,13 @@ class System:
         for name, array in values.items():
             setattr(struct, name, self.model.upload(array.astype(np.int32), int))
 
-    def cut(self):
-        """Bodies in chunks of points, each for a block."""
+    def cut(self, starts: np.ndarray):
+        """Systems that start there, in chunks of points, each for a block."""
         model, chunks = self.model, pcg.Chunks()
-        sizes = np.diff(self.starts)
+        sizes = np.diff(starts)
         each = -(-sizes // np.maximum(BLOCK, -(-sizes // CHUNKS)))
         body, own = np.repeat(np.arange(len(sizes)), each), np.r_[0, np.cumsum(each)]
-        first = self.starts[body] + sizes[body] * (np.arange(len(body)) - own[body]) // each[body]
+        first = starts[body] + sizes[body] * (np.arange(len(body)) - own[body]) // each[body]
         self.put(chunks, body=body, first=np.r_[first, model.points], own=own)
         chunks.gamma, chunks.delta = self.zeros((2, len(body)), wp.float64), self.zeros(len(body), wp.float64)
         chunks.last, chunks.done = self.zeros((2, len(sizes)), wp.vec4d), self.zeros((2, len(sizes)), int)
@@ -170,6 +173,14 @@ class System:
         """Launches conjugate gradients: v.y becomes A^-1 f; see `pcg.solve` for drop and count. at: positions and displacements
         (points,) of A, for the coarse space. A: a `Matrix`, None: that of the system."""
         A = self.A if A is None else A
+        if self.joined:
+            self.joined.when_near(lambda: self.joined.solve_joined(A, f, tolerance, cap),
+                                  lambda: self.alone(A, f, tolerance, cap, at))
+        else:
+            self.alone(A, f, tolerance, cap, at)
+
+    def alone(self, A, f: wp.array, tolerance: float, cap: int, at: tuple) -> None:
+        """Each system by itself."""
         if self.schwarz:
             self.schwarz.setup(self.rows, A, *at)
             self.schwarz.solve(self.rows, A, f, tolerance, cap, self.v, self.drop, self.count)

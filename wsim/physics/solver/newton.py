@@ -7,10 +7,11 @@ substep began (bodies that nothing holds go on with their momentum from there, s
 ends below what standing still costs, and backward Euler cannot gain energy, however few steps are taken. Every body is a system
 of its own with its own steps: worlds do not see each other.
 
-Contacts and soft pins enter the system (`wsim.physics.contact.newton.active_set`, kernels/solver/pins/soft_pin.py); tethers and
-strain limits are projected behind the last step, as many sweeps as there were steps, contacts behind each (so do recordings of
-gradients, `wsim.physics.solver.newton_adjoint`). Substeps of the implicit midpoint take further steps until their residual is
-met (`wsim.physics.solver.further`).
+Contacts and soft pins enter the system (`wsim.physics.contact.newton.active_set`, kernels/solver/pins/soft_pin.py), and so do
+contacts of surfaces, which make one system of a world where surfaces are near (`wsim.physics.selfcontact.newton_rows`);
+tethers and strain limits are projected behind the last step, as many sweeps as there were steps, contacts behind each (so do
+recordings of gradients, `wsim.physics.solver.newton_adjoint`). Substeps of the implicit midpoint take further steps until
+their residual is met (`wsim.physics.solver.further`).
 """
 
 from __future__ import annotations
@@ -108,25 +109,39 @@ class Implicit(Method):
 
     def newton(self, clock: Clock) -> None:
         """One Newton step; after the last of a frame, or of any substep of the midpoint, its residual, and what that takes."""
-        own, rate = self.assembly, 1.0 / clock.g
+        own = self.assembly
         if clock.i == 0 and clock.k == 0:
             own.forget()
         if clock.i == 0:
             self.start(clock)
-        own.linearise(rate)
-        if clock.i == 0 and own.springs:
-            own.A.aside.zero_()
-        for term in self.terms:
-            term.hold(clock.g, fresh=clock.i == 0)
+        self.assemble(clock, clock.i == 0)
         self.step(clock)
         if clock.i == clock.iterations - 1:
+            for term in self.terms:
+                term.follow(clock, lambda: self.again(clock))
             beyond = clock.integrator.beyond       # one unsolved step of the midpoint can gain energy: it takes further ones
             if clock.k == clock.substeps - 1 or beyond:
                 self.residual.measure(clock, self.terms)
                 if beyond and self.further:
                     self.further.go(clock)
                 self.residual.say(clock)
+            for term in self.terms:
+                term.end(clock)
             self.model.launch(self.kernels["end"], self.model.points, [self.state.d, own.b], [self.c])
+
+    def assemble(self, clock: Clock, first: bool) -> None:
+        """The system at d. first: of a substep."""
+        own = self.assembly
+        own.linearise(1.0 / clock.g)
+        if first and own.springs:
+            own.A.aside.zero_()
+        for term in self.terms:
+            term.hold(clock.g, fresh=first)
+
+    def again(self, clock: Clock) -> None:
+        """A further Newton step."""
+        self.assemble(clock, False)
+        self.step(clock)
 
     def step(self, clock: Clock, stand: Callable[[], None] | None = None) -> None:
         """The way y of a Newton step that is assembled, and as far along it as Phi says. stand: takes y from who needs none."""
@@ -154,11 +169,18 @@ class Implicit(Method):
         self.line.search(rate, 0)
         for term in self.terms:
             term.press(clock)
+        self.stay(clock)
+        self.line.search(rate, 0)
+        for term in self.terms:
+            term.begin(clock, lambda: self.stay(clock), self.line)
+
+    def stay(self, clock: Clock) -> None:
+        """y becomes the way back to where the substep began."""
+        s, own = self.state, self.assembly
         self.model.launch(self.kernels["stay"], self.model.points, [own.rows, s.e, s.d], [own.v.y])
         self.carry()
         for term in self.terms:
             term.clip(clock.g)
-        self.line.search(rate, 0)
 
     def prepare(self, d, clock: Clock) -> None:
         """own and b of the prediction d, with soft pins."""

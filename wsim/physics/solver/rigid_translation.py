@@ -30,11 +30,44 @@ def free(assembly: Assembly, group: np.ndarray) -> np.ndarray:
     return found
 
 
-def momentum(assembly: Assembly, lanes: int) -> "Momentum | None":
+def momentum(assembly: Assembly, lanes: int) -> "Momentum | Joined | None":
     """The term of a system; None where all bodies are held. lanes: threads that sum over a body."""
+    def term(group: np.ndarray) -> Momentum | None:
+        loose = free(assembly, group)
+        return Momentum(assembly, lanes, group, loose) if loose.any() else None
     group = groups(assembly.model)
-    loose = free(assembly, group)
-    return Momentum(assembly, lanes, group, loose) if loose.any() else None
+    alone, joined = term(group), together(assembly.model, group)
+    return Joined(assembly, alone, term(joined)) if alone and joined is not group else alone
+
+
+def together(model: Model, group: np.ndarray) -> np.ndarray:
+    """Groups where bodies of a world whose surfaces touch are one."""
+    found = group
+    for world in range(model.worlds):
+        touch = [b.number for b in model.bodies if b.world == world and getattr(b.source, "self_collision", False)]
+        if touch:
+            mine = np.unique(group[touch])
+            found = np.where(np.isin(group, mine), mine[0], found)
+    return found if found is group else np.unique(found, return_inverse=True)[1]
+
+
+class Joined(Term):
+    """Momentum of bodies that push each other where they are near: each by itself elsewhere."""
+
+    def __init__(self, assembly: Assembly, alone: "Momentum", joined: "Momentum | None"):
+        self.assembly, self.alone, self.joined = assembly, alone, joined
+
+    def carry(self) -> None:
+        """Adds it to y."""
+        y = self.assembly.v.y
+        self.add(y, y)
+
+    def add(self, y: wp.array, to: wp.array) -> None:
+        """As `Momentum.add`."""
+        def together() -> None:
+            if self.joined:
+                self.joined.add(y, to)
+        self.assembly.system.joined.when_near(together, lambda: self.alone.add(y, to))
 
 
 class Momentum(Term):

@@ -52,10 +52,17 @@ class ActiveSet(Term):
         """The way y of a Newton step, which ends outside of colliders."""
         m, held = self.assembly, self.held
         self.run("remain", [m.rows, self.A, held.start, held.f, held.f, held.f], [self.r])
+        self.without(held.start)
         m.system.solve(self.r, tolerance, cap, (m.state.x, m.state.d), self.A)
         self.run("remain", [m.rows, self.A, m.v.y, m.f, self.r, held.f], [self.r])
+        self.without(m.v.y)
         self.clip(clock.g, solved=True)
         return True
+
+    def without(self, z: wp.array) -> None:
+        """Takes from r what contacts between surfaces make of z."""
+        if joined := self.assembly.system.joined:
+            joined.subtract(z, self.r)
 
     def left(self, f: wp.array) -> wp.array:
         """Forces that planes do not bear [N]."""

@@ -56,6 +56,8 @@ class Foreseen(Term):
         touch, own = self.touch, self.assembly
         wp.copy(self.V, touch.V)
         own.linearise(1.0 / clock.g)
+        if own.system.joined:
+            own.system.joined.bear(own.f)
         self.run("owe", touch.model.points, [touch.shapes.of, touch.contacts.slots, touch.points(clock), own.f],
                  [touch.contacts.push])
 

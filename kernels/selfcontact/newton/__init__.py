@@ -1,0 +1,1 @@
+"""Contacts of surfaces in Newton steps."""

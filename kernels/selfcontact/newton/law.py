@@ -1,0 +1,169 @@
+"""Contact rows of surfaces in a Newton step: an augmented Lagrangian with Coulomb friction.
+
+    u = C n + [sum_k G_k^T (d_k - a_k)]_t        C = away + n . sum_k b_k (d_k - e_k) - keep
+    P+ = the push of P - k u that Coulomb's law allows       force on point k:  G_k P+ / g^2
+    Jacobian  k / g^2 G_k H G_l^T,   H = n n^T + rho (I - n n^T), of a row that slides without the direction that it slides in
+
+u [m] is how far the end of a substep is from what a row asks for: C along its normal, slip across it. P [m kg] is its push, as
+in kernels/selfcontact/rows.py: an impulse times the step. G_k is b_k I and the couple that takes the moment of friction back
+(kernels/selfcontact/couple.py). n, b and G are those of the start of the substep, so that u is linear in d.
+
+Newton steps solve with forces P+ and with their Jacobian beside that of elasticity. P is what the row pushed with in the
+substep before. It becomes P+ where steps have settled and a row is still wrong by DEPTH (method of multipliers: Hestenes 1969,
+Powell 1969; with friction Alart, Curnier 1991), and at the end of the substep. Where P no longer changes, C >= 0, P . n >= 0
+and the product of both is zero, whatever k is. k is STIFF times what the points resist by, by the diagonal blocks of the
+system: less takes more steps, more takes more iterations of conjugate gradients. P stands still while steps go on: they end
+where Phi with psi (below) is less than where the substep began, however few there are. Pushes that were renewed behind each
+step led 170 rows of crossed sheets to and fro, and to 20,000 J of 0.25 J.
+
+The Jacobian of the law of Coulomb is not symmetric. What is kept of it is: the bound of friction stands still within a step.
+The potential whose gradient that is says how far to go along a step (kernels/solver/line_search.py):
+
+    psi(u) = (max(0, P_n - k C)^2 + huber(P_t - k u_t; c)) / (2 k),   c the bound of friction;   Phi gains psi / g^2
+
+Where a step goes on from its middle to its end (implicit midpoint), rows ask for what they ask for at the end: u and P are
+those of the end, d - e of points that are solved for counts `ahead` times, and forces are P+ / (ahead g^2).
+
+Sums over the rows of a point are in whole numbers, so that their order has no effect (kernels/selfcontact/pairs.py): forces as
+displacements, times the inverse of the trace of the point's diagonal block.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
+from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact.couple import couple
+from wsim.kernels.solver.line_search import HALVINGS
+
+PARTS = 1 + HALVINGS    # of a step, that a line search looks at
+STIFF = 10.0           # see above
+BLOCK = 2.0 ** 20      # units of a diagonal block over own
+UNITS, MOST = 2.0 ** 30, 2.0 ** 20         # of a change of energy over that which a step promises; most of one row
+DEPTH = 0.1            # of what a row keeps: Newton steps go on while a row ends nearer, or is thrown farther, by more
+LITTLE = 0.05          # likewise: a step that moves no row by more has settled, and pushes may be renewed
+LASTS = 0.5            # of a push, by which one that lasts differs from the one before at most: the next substep begins with it
+BACK = 0.02            # of what a row is nearer than it keeps, by which it goes apart in a substep: more would throw it
+PRESS, RENEW, CHECK, STORE, LOOK = range(5)
+WRONG, STEPS, MOVING = range(3)            # words, see `renew`; STEPS: how many further ones
+
+
+@cache
+def laws(real):
+    """Struct of what rows have in a Newton step, (capacity,), and of what points sum up, (points,)."""
+    t = types(real)
+
+    @wp.struct
+    class Laws:
+        points: int                               # that are solved for: places below
+        climb: t.scalar                           # [m] that a row which begins too near goes apart by
+        rate: t.scalar                            # 1 / g^2 [1/s^2]
+        ahead: t.scalar                           # 1; 2 by the implicit midpoint
+        k: wp.array(dtype=t.scalar)               # stiffness over rate [kg]; 0: the row is not solved for
+        earlier: wp.array(dtype=t.vec3)           # push of each pair two substeps before [m kg]
+        push: wp.array(dtype=t.vec3)              # P+ [m kg]
+        last: wp.array(dtype=t.scalar)            # C where the step before began [m]
+        rho: wp.array(dtype=t.scalar)             # part of the stiffness across the normal; < 0: the row does not push
+        sum: wp.array(dtype=wp.int64)             # forces, (3 points,)
+        block: wp.array(dtype=wp.int64)           # diagonal blocks, (6 points,)
+        scale: wp.array(dtype=t.scalar)           # inverse trace of a diagonal block [m/N]
+        change: wp.array2d(dtype=wp.int64)        # of psi, (worlds, 1 + HALVINGS)
+        unit: wp.array(dtype=wp.float64)          # energy that the step promises [J], (worlds,)
+
+    return Laws
+
+
+@cache
+def rows_of(real):
+    """Functions of row j: (friction, K) ; (u) ; sums of vectors of points, as u has them, without constants."""
+    t = types(real)
+    Surfaces, State, Pairs, Laws = pairs.surfaces(real), states(real), pairs.lists(real), laws(real)
+    arms, lever, turn = couple(real)
+    points = wp.types.matrix((4, 3), real)
+
+    @wp.func
+    def friction(s: Surfaces, ids: wp.vec4i, b: t.vec4):
+        mu = t.vec2()
+        for k in range(4):
+            mu += real(0.5) * wp.abs(b[k]) * s.friction[ids[k]]
+        return mu
+
+    @wp.func
+    def levers(s: Surfaces, at: State, ids: wp.vec4i, b: t.vec4):
+        """(r, D, J^-1) of a row whose friction has a couple; J^-1 is zero for others."""
+        r, D, K = points(), t.vec3(), t.mat33()
+        free = s.w[ids[0]] * s.w[ids[1]] * s.w[ids[2]] * s.w[ids[3]]          # what cannot move takes moments
+        if free > real(0.0) and friction(s, ids, b)[0] > real(0.0):
+            r, D = arms(s, at, ids, b)
+            K = lever(r)
+        return r, D, K
+
+    @wp.func
+    def beside(r: points, D: t.vec3, K: t.mat33, b: t.vec4, d: points):
+        """sum_k G_k^T d_k."""
+        u = t.vec3()
+        for k in range(4):
+            u += b[k] * d[k]
+        return u - wp.cross(turn(K, r, d), D)
+
+    @wp.func
+    def share(r: points, D: t.vec3, K: t.mat33, b: t.vec4, P: t.vec3, k: int):
+        """G_k P."""
+        return b[k] * P - wp.cross(K * wp.cross(D, P), r[k])
+
+    @wp.func
+    def lacking(s: Surfaces, at: State, near: Pairs, law: Laws, j: int, r: points, D: t.vec3, K: t.mat33):
+        """u of displacements at.d."""
+        ids = near.four[j]
+        b = near.swept[4 * j + pairs.B]
+        there = near.swept[4 * j + pairs.NORMAL]
+        n = t.vec3(there[0], there[1], there[2])
+        short = near.swept[4 * j + pairs.PUSH][3] - there[3]
+        C = -wp.min(short, wp.min(law.climb, wp.max(real(BACK) * short, real(0.0))))
+        slid = points()
+        for k in range(4):
+            i = ids[k]
+            part = wp.where(i < law.points, law.ahead, real(1.0))
+            C += b[k] * part * wp.dot(n, at.d[i] - at.e[i])
+            slid[k] = part * (at.d[i] - at.a[i])
+        slip = beside(r, D, K, b, slid)
+        return C * n + (slip - wp.dot(slip, n) * n)
+
+    return friction, levers, beside, share, lacking
+
+
+@cache
+def coulomb(real):
+    """Function: (P+, rho) of P - k u."""
+    t = types(real)
+
+    @wp.func
+    def allowed(n: t.vec3, P: t.vec3, mu: t.vec2):
+        lam = wp.dot(P, n)
+        if lam <= real(0.0):
+            return t.vec3(), real(-1.0)
+        T = P - lam * n
+        size = wp.length(T)
+        rho = real(1.0)
+        if size > mu[0] * lam:
+            rho = mu[1] * lam / size
+            T = rho * T
+        return lam * n + T, rho
+
+    return allowed
+
+
+@cache
+def summed(real):
+    """Function: adds a vector to the sum of a point, as a displacement [m]."""
+    t, Laws = types(real), laws(real)
+
+    @wp.func
+    def add(law: Laws, i: int, f: t.vec3):
+        scale = real(pairs.SCALE) * law.scale[i]
+        for k in range(3):
+            wp.atomic_add(law.sum, 3 * i + k, wp.int64(scale * f[k]))
+
+    return add

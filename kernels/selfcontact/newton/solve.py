@@ -1,0 +1,120 @@
+"""Conjugate gradients and the line search of Newton steps whose bodies touch: all of a world are one system.
+
+kernels/solver/pcg.py with the product of contact rows (kernels/selfcontact/newton/law.py) beside that of elasticity. Where
+nothing is near, each body stays a system of its own.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.selfcontact.newton.law import STEPS, WRONG, laws
+from wsim.kernels.selfcontact.pairs import SCALE
+from wsim.kernels.solver import pcg
+from wsim.kernels.solver.newton import structs
+
+
+@cache
+def multiply(real, module, springs: bool, elements: bool):
+    """Kernel over chunks times a block of threads: as `multiply` of `pcg.several`, with the sums of rows, which it empties."""
+    s, Vectors, Laws, t = structs(real), pcg.vectors(real), laws(real), types(real)
+    product = pcg.parts(real, springs, elements).product
+
+    def multiply_joined(c: pcg.Chunks, rows: s.Rows, A: s.Matrix, law: Laws, side: int, v: Vectors):
+        chunk = wp.tid() // wp.block_dim()
+        lane = wp.tid() % wp.block_dim()
+        if wp.tid() == 0:
+            c.going[0] = 0
+        done = c.done[side, c.body[chunk]] != 0
+        delta = wp.float64(0.0)
+        for i in range(c.first[chunk] + lane, c.first[chunk + 1], wp.block_dim()):
+            if law.scale[i] > real(0.0):
+                if not done:
+                    part = real(1.0) / (real(SCALE) * law.scale[i])
+                    w = product(i, rows, A, v.z)
+                    w += part * t.vec3(real(law.sum[3 * i]), real(law.sum[3 * i + 1]), real(law.sum[3 * i + 2]))
+                    v.w[i] = w
+                    delta += wp.float64(wp.dot(v.z[i], w))
+                for k in range(3):
+                    law.sum[3 * i + k] = wp.int64(0)
+            elif not done:
+                v.w[i] = t.vec3()
+        if not done:
+            c.delta[chunk] = pcg.total(delta)
+
+    return wp.kernel(multiply_joined, name=f"multiply_joined_{pcg.parts(real, springs, elements).name}", module=module,
+                     enable_backward=False, grid_stride=False)
+
+
+@cache
+def measure(real, module):
+    """Kernel over chunks times a block of threads: parts of sum own |y|^2."""
+    s, t = structs(real), types(real)
+
+    def measure_way(c: pcg.Chunks, A: s.Matrix, y: wp.array(dtype=t.vec3)):
+        chunk = wp.tid() // wp.block_dim()
+        lane = wp.tid() % wp.block_dim()
+        sum = wp.float64(0.0)
+        for i in range(c.first[chunk] + lane, c.first[chunk + 1], wp.block_dim()):
+            sum += wp.float64(A.own[i] * wp.dot(y[i], y[i]))
+        c.delta[chunk] = pcg.total(sum)
+
+    return wp.kernel(measure_way, module=module, enable_backward=False, grid_stride=False)
+
+
+@cache
+def compare(real, module):
+    """Kernel over worlds: what rows measure changes of energy by: the sum of `measure`."""
+    Laws = laws(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def compare_way(c: pcg.Chunks, law: Laws):
+        world = wp.tid()
+        sum = wp.float64(0.0)
+        for chunk in range(c.own[world], c.own[world + 1]):
+            sum += c.delta[chunk]
+        law.unit[world] = sum
+
+    return compare_way
+
+
+@cache
+def spread(real, module):
+    """Kernel over systems: drop and iterations of the world, and what its rows measure changes of energy by."""
+    Laws = laws(real)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def spread_solution(systems: int, drop: wp.array(dtype=wp.float64), count: wp.array(dtype=int), law: Laws,
+                        drop_out: wp.array(dtype=wp.float64), count_out: wp.array(dtype=int)):
+        i = wp.tid()
+        world = i // systems
+        drop_out[i] = drop[world]
+        count_out[i] = count_out[i] + count[world]
+        if i == world * systems:
+            law.unit[world] = drop[world]
+
+    return spread_solution
+
+
+@cache
+def count(module):
+    """Kernel of one thread: counts further steps, and ends them behind `most`. steps 0: they begin."""
+    @wp.kernel(module=module, enable_backward=False)
+    def count_steps(steps: int, most: int, words: wp.array(dtype=int)):
+        words[STEPS] = wp.where(steps > 0, words[STEPS] + steps, 0)
+        if words[STEPS] >= most:
+            words[WRONG] = 0
+
+    return count_steps
+
+
+@cache
+def share(module):
+    """Kernel over systems: the step of the world."""
+    @wp.kernel(module=module, enable_backward=False)
+    def share_step(systems: int, step: wp.array(dtype=wp.float64), step_out: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        step_out[i] = step[i // systems]
+
+    return share_step
