@@ -61,6 +61,7 @@ def tables(real):
         pose: wp.array2d(dtype=t.transform)       # to the object's origin, at substep k, (substeps + 1, rows)
         step: wp.array2d(dtype=t.transform)       # translation and turn during substep k, (substeps, rows)
         ball: wp.array2d(dtype=t.vec4)            # centre, radius [m] that hold it during substep k, (substeps, rows)
+        chord: wp.array(dtype=t.scalar)           # how much nearer than points their edges may touch it [m], (rows,)
         stride: wp.array2d(dtype=t.scalar)        # greatest motion in its own frame in substep k [m], (substeps, rows)
         deep: wp.array(dtype=int)                 # 1: points may have started inside of meshes, (1,)
         tree: wp.uint64                           # Warp's tree of balls in this substep; 0: each row is tried

@@ -11,10 +11,11 @@ collider moves meanwhile at the point's place, no more than V = w + W (2 |x0 - c
 than |x0 - c_0|, which is the most that D may be. So every place that a point, or its straight
 path, has in a frame, and that is no more than
 
-    C = min over colliders (D - s - S L - 2 V - gap) - reach - 2 skin
+    C = min over colliders (D - s - S L - 2 V - gap - chord) - reach - 2 skin
 
 from x0, is further from every collider than contacts look for: kernels/contact/search.py keeps a contact where the gap is under
-|dq| + skin, dq <= |d| + V. Two skins, since one covers rounding. A frame in which
+|dq| + skin, dq <= |d| + V. Two skins, since one covers rounding. chord: what edges of sheets are nearer to sharp colliders than
+their points (kernels/cloth/edge_contact/sites.py). A frame in which
 
     |x - x0| + 2 |d| <= C    for every point and every substep of displacement d from x
 
@@ -64,7 +65,7 @@ def movements(real):
 
 @cache
 def away(kinds: tuple[str, ...], real):
-    """Function (c, m, row, T0, c0, deep, x) -> D - s - S L - 2 V - gap of a point at x and the collider of a row, whose centre
+    """Function (c, m, row, T0, c0, deep, x) -> D - s - S L - 2 V - gap - chord of a point at x and the collider of a row, whose centre
     is at c0. deep: whether meshes may hold it from the start."""
     t, (convex, meshes), Rows, Movements = types(real), split(kinds), tables(real)[0], movements(real)
     shaped, meshed, formula, nearest = bool(convex), bool(meshes), distance(convex), mesh.nearest(meshes)
@@ -94,7 +95,7 @@ def away(kinds: tuple[str, ...], real):
         D = L - R
         if R < real(0.0) or D < R:                            # the surface itself: a shape is rarely as its ball
             D = wp.min(surface(c, m, row, T0, deep, x, D), L)
-        return D - (m.now[WIDTH * row + 7] + m.now[WIDTH * row + 8] * L)
+        return D - c.chord[row] - (m.now[WIDTH * row + 7] + m.now[WIDTH * row + 8] * L)
 
     return away
 

@@ -68,6 +68,7 @@ class Contacts:
         self.zero: Callable = wp.array.zero_
         self.search_kernel: Any = None                   # see `searches`
         self.adjoint: Any = None                         # `wsim.physics.contact.contacts_adjoint.ContactAdjoint`
+        self.edges: Any = None                           # `wsim.physics.contact.edges.EdgeContacts`
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: Mesh.build(c, turned) for key, c in surfaces.items()}
@@ -150,6 +151,8 @@ class Contacts:
         c.kind, c.mesh = self._array(kind[of], int), self._array(mesh[of], wp.uint64)
         c.size, c.gap = self._array(rows.size[of], t.vec3), self._array(self.gap, t.scalar)
         c.friction = self._array(self.friction, t.vec2)
+        if not c.chord:
+            c.chord = wp.zeros(len(of), dtype=t.scalar, device=self.device)
 
     def _slots(self, capacity: int) -> None:
         t, n = self.types, self.count
@@ -214,6 +217,8 @@ class Contacts:
             mesh = self.rows.meshes[self.rows.collider[r]]
             self.gap[r] = max(value, mesh.least_gap if mesh else 0.0)
             self.changed = self.redrawn = True
+        if name == "thickness" and self.edges:
+            self.edges.keep()
         if name in FRICTION:
             self.friction[rows, FRICTION.index(name)] = value
         self.table.gap.assign(self.gap.astype(self.dtype))
@@ -235,8 +240,10 @@ class Contacts:
             self.zero(self.table.deep)                   # what started inside is marked, and looked for as deep as before
         if self.search_kernel is None:
             self.searches()
-        self.launch(self.search_kernel, self.count, [self.table, self.points, self.read(x=x, d=d, a=a, k=k)],
-                    [self.slots, d, a, self.push, self.struck])
+        at = self.read(x=x, d=d, a=a, k=k)
+        self.launch(self.search_kernel, self.count, [self.table, self.points, at], [self.slots, d, a, self.push, self.struck])
+        if self.edges:
+            self.edges.search(at, d, a)
 
     def read(self, **arrays):
         return filled(kernels.read(self.real), **arrays)

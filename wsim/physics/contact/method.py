@@ -10,6 +10,7 @@ import numpy as np
 from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.vjp import beside
+from wsim.physics.contact import edges
 from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
@@ -75,6 +76,9 @@ class Contact(Method):
                                  turned=model.gradients)
         self.contacts.launch, self.contacts.zero = model.launch, model.zero
         self.short(points.integrator.explicit)
+        if edges.meets(model.scene, model.gradients):
+            self.contacts.edges = edges.EdgeContacts(model, self.contacts, points.integrator.explicit)
+            self.contacts.grow(self.contacts.slots.capacity + edges.MORE)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status

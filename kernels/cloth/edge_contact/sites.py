@@ -1,0 +1,313 @@
+"""Contact of a sheet's edges and triangles with the sharp edges and corners of colliders, between the sheet's points.
+
+A site lies on an edge or a triangle of the sheet, with weights beta_k of its points, sum 1. Its gap is C = sum_k beta_k C_k along
+one normal n. What closes a gap of -C moves the points by
+
+    dx_k = s_k (-C) n,    s_k = w_k beta_k / sum_j w_j beta_j^2        (w: inverse masses; the impulse acts at the site)
+
+so each point gets a contact plane of its own (kernels/contact/project.py), n.d_k >= n.d_k* - s_k C, with d* as predicted. Every
+solver then knows sites as it knows other contacts. With explicit steps, which predict all forces, this is the impulse at the
+site; with others it keeps the edge from turning about the collider by more than was predicted, within one substep.
+
+Edges: kernels/cloth/edge_contact/edge.py. Triangles: corner.py. Where two opposite faces of a thin plate are nearest to an edge
+(|m| < FLAT), there is no site.
+"""
+
+# Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch
+# before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.cloth.edge_contact.corner import INNER, through
+from wsim.kernels.cloth.edge_contact.edge import AWAY, lowest, signed
+from wsim.kernels.contact.project import read, slots, tables
+from wsim.kernels.contact.search import frames, reachable
+from wsim.kernels.contact.shape import BOX
+from wsim.kernels.math.real import types
+
+FLAT = 0.2             # least |m|: of faces that meet at 23 degrees
+ALIKE = 0.6            # cosine of normals between which sites of a point count as one
+FAR = -1
+TURNS = 500            # normals that differ by less are of one face: an edge of length L sinks by L / TURNS^2 there
+
+
+@cache
+def sharps(real):
+    """Struct of what is between points: rows of colliders with sharp edges, and what was found in this substep."""
+    t = types(real)
+
+    @wp.struct
+    class Sharp:
+        first: wp.array(dtype=int)           # sharp rows of object o: first[o] .. first[o + 1] of `row`, (objects + 1,)
+        row: wp.array(dtype=int)
+        keep: wp.array(dtype=t.scalar)       # distance that sites keep of each of `row`, besides that of points [m]
+        corner: wp.array(dtype=wp.vec3i)     # points of an edge (i, j, j), and of a triangle, (sites,)
+        size: int                            # sites of a lot, which a thread takes together
+        object: wp.array(dtype=int)          # of each lot, (lots,)
+        lot: wp.array(dtype=int)             # points of lot l: lot[l] .. lot[l + 1] of `member`, (lots + 1,)
+        member: wp.array(dtype=int)
+        busy: wp.array(dtype=int)            # 1: `met` of a lot may be more than -1
+        start: wp.array(dtype=int)           # sites of point i: start[i] .. start[i + 1] of `site`, (points + 1,)
+        site: wp.array(dtype=int)
+        points: int
+        every: int                           # substeps of which the first looks for sites, see EVERY of the host
+        q: wp.array(dtype=t.vec3)            # place in the frame of sharp row j of the object, at j * points + i [m]
+        felt: wp.array(dtype=t.vec4)         # normal there, and distance [m]
+        side: wp.array(dtype=int)            # number of that normal; FAR: no edge from there can touch the collider
+        touched: wp.array(dtype=int)         # 1: a site of the point has a contact, (points,)
+        met: wp.array(dtype=int)             # row of a site's contact, -1: none, (sites,)
+        beta: wp.array(dtype=t.vec3)
+        n: wp.array(dtype=t.vec3)
+        u: wp.array(dtype=t.vec3)            # velocity of the collider there [m/s]
+        base: wp.array(dtype=t.scalar)       # gap less n times the place, where the site was found [m]
+        C: wp.array(dtype=t.vec2)            # gap, and gap where the substep began [m]
+
+    return Sharp
+
+
+@cache
+def feel(kinds: tuple[str, ...], real, module):
+    """Kernel over points: where each is predicted to be in the frames of sharp colliders, and how far from them."""
+    t, (Rows, Points), Read, Sharp = types(real), tables(real), read(real), sharps(real)
+    shape = signed(kinds, real)
+
+    @wp.func
+    def faced(n: t.vec3):
+        """Number of a normal, the same of those that differ by less than 1 / TURNS."""
+        h = real(TURNS)
+        return (int(wp.round(h * (n[0] + real(1.0)))) * wp.static(2 * TURNS + 1) + int(wp.round(h * (n[1] + real(1.0))))) * (
+            wp.static(2 * TURNS + 1)) + int(wp.round(h * (n[2] + real(1.0))))
+
+    def feel_edges(c: Rows, points: Points, at: Read, sharp_out: Sharp):
+        i = wp.tid()
+        if at.k % sharp_out.every != 0:
+            return
+        o = points.object[i]
+        x = at.x[i]
+        d = at.d[i]
+        sharp_out.touched[i] = 0
+        for j in range(sharp_out.first[o], sharp_out.first[o + 1]):
+            row = sharp_out.row[j]
+            slot = (j - sharp_out.first[o]) * sharp_out.points + i
+            reach = real(2.0) * (wp.length(d) + c.chord[row]) + points.reach[i] + sharp_out.keep[j] + c.skin
+            side = int(FAR)
+            if reachable(c.ball[at.k, row], x, reach):
+                T = c.pose[at.k + 1, row]
+                q = wp.quat_rotate_inv(wp.transform_get_rotation(T), (x - wp.transform_get_translation(T)) + d)
+                phi, n, _slip = shape(c.kind[row], c.size[row], c.mesh[row], q, reach)
+                if phi < reach:
+                    sharp_out.q[slot] = q
+                    sharp_out.felt[slot] = t.vec4(n[0], n[1], n[2], phi)
+                    side = faced(n)
+            sharp_out.side[slot] = side
+
+    return wp.kernel(feel_edges, name=f"feel_edges_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def find(kinds: tuple[str, ...], real, module):
+    """Kernel over lots of sites: the collider that each site is deepest in, if any, its gap, its normal and its weights."""
+    t, (Rows, Points), Read, Sharp = types(real), tables(real), read(real), sharps(real)
+    mat34 = wp.types.matrix((3, 4), real)
+    least, highest, (_, outside), boxes = lowest(kinds, real), through(kinds, real), frames(real), "box" in kinds
+
+    @wp.func
+    def across(e: t.vec3, f0: t.vec4, f1: t.vec4):
+        """Whether an edge goes down towards the collider from both of its ends."""
+        return (f0[0] * e[0] + f0[1] * e[1] + f0[2] * e[2] < real(0.0)) and (
+            f1[0] * e[0] + f1[1] * e[1] + f1[2] * e[2] > real(0.0))
+
+    @wp.func
+    def above(f: t.vec4, x: t.vec3, y: t.vec3, z: t.vec3):
+        """Least height of a triangle above the tangent plane of its corner x [m]."""
+        m = t.vec3(f[0], f[1], f[2])
+        return f[3] + wp.min(wp.min(wp.dot(m, y - x), wp.dot(m, z - x)), real(0.0))
+
+    @wp.func
+    def holds(kind: int, size: t.vec3, X: t.mat33, chord: real, f: mat34):
+        """Whether a corner of the collider may be in a triangle: no tangent plane has all of it outside."""
+        if boxes:
+            if kind == BOX:
+                middle = (X[0] + X[1] + X[2]) / real(3.0)
+                for k in range(3):
+                    if wp.abs(wp.abs(middle[k]) - size[k]) > real(2.0) * chord:
+                        return False
+        return (above(f[0], X[0], X[1], X[2]) < real(0.0) and above(f[1], X[1], X[2], X[0]) < real(0.0)
+                and above(f[2], X[2], X[0], X[1]) < real(0.0))
+
+    @wp.func
+    def on_edge(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, limits: t.vec2, f0: t.vec4, f1: t.vec4):
+        r = limits[0]
+        u, phi, m, slip = least(kind, size, mesh, wp.matrix_from_rows(X[0], X[1]), r + limits[1], f0, f1)
+        steep = wp.length(m)
+        C = real(AWAY)
+        n = t.vec3()
+        if phi < r + limits[1] and steep > real(FLAT) and u > real(INNER) and u < real(1.0 - INNER):
+            n = m / steep
+            C = wp.where(phi < real(0.0), phi / steep, phi) - r
+        return C, t.vec3(real(1.0) - u, u, real(0.0)), n, slip
+
+    @wp.func
+    def gap(kind: int, size: t.vec3, mesh: wp.uint64, X: t.mat33, edge: bool, limits: t.vec2, f: mat34):
+        """C, beta, normal in the collider's frame, slip. limits: distance kept, margin [m]; f: `felt` of the points."""
+        C = real(AWAY)
+        beta = t.vec3()
+        m = t.vec3()
+        slip = t.vec3()
+        if edge:
+            C, beta, m, slip = on_edge(kind, size, mesh, X, limits, f[0], f[1])
+        else:
+            out = f[0] + f[1] + f[2]
+            C, beta, m = highest(kind, size, mesh, X, t.vec3(out[0], out[1], out[2]), limits[0] + limits[1])
+            C = C - limits[0]
+        return C, beta, m, slip
+
+    @wp.func
+    def uneven(S: Sharp, lot: int):
+        """Whether points of a lot are at different sides of a collider."""
+        first = S.lot[lot]
+        end = S.lot[lot + 1]
+        o = S.object[lot]
+        for j in range(S.first[o], S.first[o + 1]):
+            slot = (j - S.first[o]) * S.points
+            side = S.side[slot + S.member[first]]
+            for k in range(first + 1, end):
+                if S.side[slot + S.member[k]] != side:
+                    return True
+        return False
+
+    @wp.func
+    def follow(c: Rows, at: Read, S: Sharp, lot: int, sharp_out: Sharp):
+        """Gaps of sites that were found in an earlier substep, with the normals of then."""
+        for site in range(lot * S.size, (lot + 1) * S.size):
+            if S.met[site] >= 0:
+                p = S.corner[site]
+                beta = S.beta[site]
+                n = S.n[site]
+                x = beta[0] * at.x[p[0]] + beta[1] * at.x[p[1]] + beta[2] * at.x[p[2]]
+                moved = beta[0] * at.d[p[0]] + beta[1] * at.d[p[1]] + beta[2] * at.d[p[2]]
+                gone = c.h * wp.dot(n, S.u[site])
+                C = S.base[site] + wp.dot(n, x + moved) - gone * real(at.k % S.every)
+                sharp_out.C[site] = t.vec2(C, C - wp.dot(n, moved) + gone)
+
+    def find_edges(c: Rows, points: Points, at: Read, S: Sharp, sharp_out: Sharp):
+        lot = wp.tid()
+        if at.k % S.every != 0:
+            if S.busy[lot] != 0:
+                follow(c, at, S, lot, sharp_out)
+            return
+        end = wp.min((lot + 1) * S.size, S.met.shape[0])
+        if not uneven(S, lot):
+            if S.busy[lot] != 0:
+                sharp_out.busy[lot] = 0
+                for site in range(lot * S.size, end):
+                    sharp_out.met[site] = -1
+            return
+        sharp_out.busy[lot] = 1
+        o = S.object[lot]
+        for site in range(lot * S.size, end):
+            p = S.corner[site]
+            edge = p[1] == p[2]
+            best = real(AWAY)
+            sharp_out.met[site] = -1
+            for j in range(S.first[o], S.first[o + 1]):
+                slot = (j - S.first[o]) * S.points
+                side = S.side[slot + p[0]]
+                two = S.side[slot + p[1]]
+                three = S.side[slot + p[2]]
+                if not ((side != two or side != three) and wp.min(side, wp.min(two, three)) > FAR):
+                    continue
+                x0 = S.q[slot + p[0]]
+                x1 = S.q[slot + p[1]]
+                f0 = S.felt[slot + p[0]]
+                f1 = S.felt[slot + p[1]]
+                if edge and not across(x1 - x0, f0, f1):
+                    continue
+                row = S.row[j]
+                kind = c.kind[row]
+                X = wp.matrix_from_rows(x0, x1, S.q[slot + p[2]])
+                f = wp.matrix_from_rows(f0, f1, S.felt[slot + p[2]])
+                if not (edge or holds(kind, c.size[row], X, c.chord[row], f)):
+                    continue
+                r = S.keep[j] + wp.max(points.reach[p[0]], points.reach[p[1]])
+                margin = wp.length(at.d[p[0]]) + wp.length(at.d[p[1]]) + c.skin + c.stride[at.k, row]
+                C, beta, m, slip = gap(kind, c.size[row], c.mesh[row], X, edge, t.vec2(r, margin), f)
+                w = beta[0] * points.w[p[0]] + beta[1] * points.w[p[1]] + beta[2] * points.w[p[2]]
+                if C < margin and C < best and w > real(0.0):
+                    best = C
+                    spot = beta * X - (C + r) * m
+                    n, way = outside(c.pose[at.k, row], c.pose[at.k + 1, row], c.step[at.k, row], m, spot, slip)
+                    moved = beta[0] * at.d[p[0]] + beta[1] * at.d[p[1]] + beta[2] * at.d[p[2]]
+                    sharp_out.base[site] = C - wp.dot(n, beta[0] * at.x[p[0]] + beta[1] * at.x[p[1]] + beta[2] * at.x[p[2]] + moved)
+                    sharp_out.met[site] = row
+                    sharp_out.beta[site] = beta
+                    sharp_out.n[site] = n
+                    sharp_out.u[site] = way / c.h
+                    sharp_out.C[site] = t.vec2(C, C - wp.dot(n, moved - way))
+                    for v in range(3):
+                        sharp_out.touched[p[v]] = 1
+
+    return wp.kernel(find_edges, name=f"find_edges_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def gather(real, module):
+    """Kernel over points: contact planes of sites behind those that a point has, and how far it is carried out of overlaps."""
+    t, (Rows, Points), Read, Slots, Sharp = types(real), tables(real), read(real), slots(real), sharps(real)
+    vectors = wp.array(dtype=t.vec3)
+
+    @wp.func
+    def alike(s: Slots, first: int, end: int, n: t.vec3, row: int):
+        """The slot of a point from j on that has about the normal n and the same collider, or `end`."""
+        j = int(first)
+        while j < end and (s.row[j] != row or wp.dot(s.n[j], n) < real(ALIKE)):
+            j += s.points
+        return j
+
+    def gather_edges(c: Rows, points: Points, at: Read, S: Sharp, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors):
+        i = wp.tid()
+        count = s.count[i]
+        own_first = int(count)
+        carried = t.vec3()
+        d = at.d[i]
+        if S.touched[i] != 0 and points.w[i] > real(0.0):
+            for k in range(S.start[i], S.start[i + 1]):
+                site = S.site[k]
+                if S.met[site] >= 0:
+                    p = S.corner[site]
+                    beta = S.beta[site]
+                    K = real(0.0)
+                    own = real(0.0)
+                    for v in range(3):
+                        K += points.w[p[v]] * beta[v] * beta[v]
+                        if p[v] == i:
+                            own += beta[v]
+                    share = points.w[i] * own / K
+                    C = S.C[site]
+                    over = wp.max(-C[1], real(0.0))
+                    out = wp.min(over, c.recovery * c.h)
+                    n = S.n[site]
+                    gap = share * (C[0] + over - out)
+                    j = alike(s, own_first * s.points + i, wp.min(count, s.capacity) * s.points + i, n, S.met[site])
+                    if j >= s.points * count:                        # of the same side: what is nearest counts
+                        count += 1
+                        carried += (share * out) * n
+                    elif s.b[j] + wp.dot(s.n[j], d) <= gap:
+                        j = s.points * s.capacity
+                    if j < s.points * s.capacity:
+                        s.row[j] = S.met[site]
+                        s.n[j] = n
+                        s.b[j] = gap - wp.dot(n, d)
+                        s.u[j] = S.u[site]
+                        push_out[j] = t.vec3()
+            if count > s.capacity:
+                wp.atomic_max(s.wanted, 0, count)
+            s.count[i] = wp.min(count, s.capacity)
+            if wp.dot(carried, carried) > real(0.0):
+                d_out[i] = d + carried
+                a_out[i] = at.a[i] + carried
+
+    return wp.kernel(gather_edges, name=f"gather_edges_{t.name}", module=module, enable_backward=False)

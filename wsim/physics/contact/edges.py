@@ -1,0 +1,142 @@
+"""Contacts of a cloth's edges and triangles with colliders that have sharp edges or corners: three launches behind the search of
+points. Equations: kernels/cloth/edge_contact/sites.py.
+
+Cloths that collide with themselves meet colliders by their surfaces (`wsim.physics.selfcontact`), and have none of these. Nor has
+a recording with gradients, rigid bodies, or an open mesh.
+"""
+
+from __future__ import annotations
+
+import weakref
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry import topology
+from wsim.geometry.triangulate import triangulate
+from wsim.kernels.cloth.edge_contact import sites
+from wsim.kernels.math.real import types
+from wsim.model.structs import filled
+from wsim.scene import Cloth, Collider, Plane, Scene, Surface
+from wsim.scene.check.chord import CREASE, breadth
+from wsim.scene.check.signed_distance import closed
+from wsim.scene.solids import Capsule, Sphere
+
+MORE = 8               # contacts of a point beyond those of points; more are made room for, and the frame is repeated
+
+LOT = 24               # sites of a lot on a CPU, which are left alone where all of its points are at one face
+EVERY = 3              # explicit substeps, which are as short as stiffness wants, of which one looks for sites: between two looks
+                       # gravity moves a point by micrometres
+KNOWN: dict[int, tuple[weakref.ref, bool]] = {}         # of meshes, which plans ask for several times
+
+
+def sharp(collider: Collider) -> bool:
+    """True if a collider has edges or corners that may stand out of a sheet between its points."""
+    shape = collider.shape
+    return _creased(shape) if isinstance(shape, Surface) else not isinstance(shape, (Plane, Sphere, Capsule))
+
+
+def _creased(surface: Surface) -> bool:
+    """True if a mesh is closed and faces meet at more than CREASE at an edge that bends outward."""
+    known = KNOWN.get(id(surface))
+    if known is None or known[0]() is not surface:
+        known = KNOWN[id(surface)] = weakref.ref(surface), _folded(surface)
+    return known[1]
+
+
+def _folded(surface: Surface) -> bool:
+    points = surface.points.astype(np.float64)
+    triangles, _ = triangulate(surface.points, surface.counts, surface.indices)
+    if not len(triangles) or not closed(points, triangles):
+        return False
+    place = topology.weld(points, 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0)))
+    faces = place[triangles]
+    first = np.zeros((place.max() + 1, 3))
+    first[place] = points
+    hinge = topology.hinges(faces.astype(np.int32))
+    a, b, c, d = (first[hinge[:, k]] for k in range(4))
+    m, n = np.cross(b - a, c - a), np.cross(a - b, d - b)
+    angle = np.arctan2(np.linalg.norm(np.cross(m, n), axis=1), (m * n).sum(axis=1))
+    volume = np.einsum("ij,ij->", first[faces[:, 0]], np.cross(first[faces[:, 1]], first[faces[:, 2]]))
+    outward = np.sign(volume) * ((d - a) * m).sum(axis=1) < 0.0
+    return bool((outward & (angle > CREASE)).any())
+
+
+def has_edges(body) -> bool:
+    """True if edges and triangles of a body meet sharp colliders."""
+    return isinstance(body, Cloth) and not body.self_collision
+
+
+def meets(scene: Scene, gradients: bool) -> bool:
+    """True if a cloth of a scene meets a sharp collider by its edges."""
+    return (not gradients and scene.contact_width == 0.0 and any(map(has_edges, scene.cloths))
+            and any(map(sharp, scene.colliders)))
+
+
+def _lots(triangles: np.ndarray, size: int) -> np.ndarray:
+    """Sites of a body, (m, 3): its edges (i, j, j) and triangles, those that are near each other together; the last again until
+    there are lots of `size`."""
+    corner = np.concatenate([topology.edges(triangles)[:, [0, 1, 1]], triangles])
+    corner = corner[np.lexsort((np.arange(len(corner)), corner.min(axis=1)))]
+    return np.pad(corner, ((0, -len(corner) % size), (0, 0)), "edge")
+
+
+def _members(corner: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """First of each lot's points, and all of them."""
+    lots = np.repeat(np.arange(len(corner) // size), 3 * size)
+    pairs = np.unique(np.stack([lots, corner.ravel()], axis=1), axis=0)
+    return np.searchsorted(pairs[:, 0], np.arange(len(corner) // size + 1)).astype(np.int32), pairs[:, 1].astype(np.int32)
+
+
+class EdgeContacts:
+    """Edges and triangles of the cloths of a model against the sharp colliders of its scene."""
+
+    def __init__(self, model, contacts, short: bool):
+        """contacts: `wsim.physics.contact.contacts.Contacts`, of which those of sites are behind those of points; short:
+        steps are explicit."""
+        self.model, self.contacts, rows = model, contacts, contacts.rows
+        paths = {c.path for c in model.scene.colliders}
+        known = np.array([c.path in paths and sharp(c) for c in rows.colliders], bool)[rows.collider]
+        each = [np.flatnonzero(known[first:last]) + first if has_edges(b.source) else np.zeros(0, int)
+                for b, first, last in zip(model.bodies, rows.first[:-1], rows.first[1:], strict=True)]
+        size = LOT if model.device.is_cpu else 1
+        made = [_lots(model.shared(b.triangles), size) for b, own in zip(model.bodies, each, strict=True) if len(own)]
+        corner, (lot, member) = np.concatenate(made), _members(np.concatenate(made), size)
+        start, site = topology.incident(corner, model.points)
+        self.count, self.row, real, t = len(corner), np.concatenate(each).astype(int), model.real, types(model.real)
+        up = model.upload
+
+        def zeros(n, dtype):
+            return wp.zeros(n, dtype=dtype, device=model.device)
+        many = max(map(len, each)) * model.points
+        self.data = filled(
+            sites.sharps(real), first=up(np.append(0, np.cumsum(list(map(len, each)))).astype(np.int32), int),
+            row=up(self.row.astype(np.int32), int), keep=zeros(len(self.row), real), corner=up(corner, wp.vec3i),
+            size=size, object=up(contacts.points.object.numpy()[corner[::size, 0]], int), lot=up(lot, int),
+            member=up(member, int), busy=zeros(len(lot) - 1, int), start=up(start.astype(np.int32), int), site=up(site.astype(np.int32), int), points=model.points,
+            every=EVERY if short else 1,
+            q=zeros(many, t.vec3), felt=zeros(many, t.vec4), side=zeros(many, int),
+            touched=zeros(model.points, int), met=up(np.full(self.count, -1, np.int32), int), beta=zeros(self.count, t.vec3),
+            n=zeros(self.count, t.vec3), u=zeros(self.count, t.vec3), base=zeros(self.count, real), C=zeros(self.count, t.vec2))
+        chord = np.zeros(len(rows.collider))
+        for b, own in zip(model.bodies, each, strict=True):
+            chord[own] = breadth(b.rest, b.triangles - b.first) if len(own) else 0.0
+        contacts.table.chord.assign(chord.astype(contacts.dtype))
+        self.keep()
+        kinds = tuple(k for k in contacts.kinds if k in {rows.kind[rows.collider[r]] for r in self.row})
+        self.kernels = (sites.feel(kinds, real, model.module), sites.find(kinds, real, model.module),
+                        sites.gather(real, model.module))
+
+    def keep(self) -> None:
+        """Distances that sites keep of colliders [m]: the authored ones. What hides chords of round sides, edges do not need."""
+        rows = self.contacts.rows
+        kept = [rows.colliders[rows.collider[r]].thickness or 0.0 for r in self.row]
+        self.data.keep.assign(np.array(kept, self.contacts.dtype))
+
+    def search(self, at, d: wp.array, a: wp.array) -> None:
+        """Launches; at: what the search of points read, behind which this stands. Writes d and a as it does."""
+        c, launch = self.contacts, self.model.launch
+        feel, find, gather = self.kernels
+        launch(feel, self.model.points, [c.table, c.points, at], [self.data])
+        launch(find, len(self.data.object), [c.table, c.points, at, self.data], [self.data])
+        launch(gather, self.model.points, [c.table, c.points, at, self.data], [c.slots, d, a, c.push])
