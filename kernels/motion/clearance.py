@@ -65,8 +65,8 @@ def movements(real):
 
 @cache
 def away(kinds: tuple[str, ...], real):
-    """Function (c, m, row, T0, c0, deep, x) -> D - s - S L - 2 V - gap - chord of a point at x and the collider of a row, whose centre
-    is at c0. deep: whether meshes may hold it from the start."""
+    """Function (c, m, row, T0, c0, deep, x) -> D - s - S L - 2 V - gap - chord of a point at x and the collider of a row, whose
+    centre is at c0. deep: whether meshes may hold it from the start."""
     t, (convex, meshes), Rows, Movements = types(real), split(kinds), tables(real)[0], movements(real)
     shaped, meshed, formula, nearest = bool(convex), bool(meshes), distance(convex), mesh.nearest(meshes)
     if meshes:

@@ -128,6 +128,8 @@ def _new_cloth(new) -> None:
     cloth.add_argument("--fabric", metavar="NAME", help="silk, cotton, denim, leather or rubber (default: the physics material "
                                                         "of the mesh, else cotton)")
     cloth.add_argument("--weld", type=length, metavar="METRES", help="sew points closer than this (seams)")
+    cloth.add_argument("--self-collision", action="store_true", help="the cloth touches itself (slower; default: it passes "
+                                                                     "through itself)")
 
 
 def _new_softbody(new) -> None:

@@ -19,7 +19,8 @@ def _cloth(args, more: dict) -> list:
     from wsim.usd.new.cloth import author_cloth
 
     interrupt.begin("wait")
-    return author_cloth(args.mesh, args.output, args.fabric, args.prim, weld=args.weld, **more)
+    return author_cloth(args.mesh, args.output, args.fabric, args.prim, weld=args.weld,
+                        self_collision=args.self_collision, **more)
 
 
 def _softbody(args, more: dict) -> list:

@@ -1,5 +1,5 @@
-"""Corners of a collider that poke through the inside of a triangle of a sheet: of a box, the apex of a cone, the rims of cones and
-cylinders where they reach highest, and the corners of a mesh's nearest face. The normal is the triangle's own.
+"""Corners of a collider that poke through the inside of a triangle of a sheet: those of a box, the apex of a cone, the rims of
+cones and cylinders where they reach highest, and the corners of a mesh's nearest face. The normal is the triangle's own.
 """
 
 # Device code: int(0) makes a variable of what would be a constant, and an outer `if` on a Python bool drops its branch
@@ -21,8 +21,8 @@ HIGH = 0.5             # of a triangle's longest edge: what pokes higher through
 
 @cache
 def poking(kinds: tuple[str, ...], real):
-    """Function (kind, size, mesh, X: rows q of a triangle, m: its unit normal, j) -> (P, there): corner j of a collider that may
-    poke through the triangle, in the collider's frame."""
+    """Function (kind, size, mesh, X: rows q of a triangle, m: its unit normal, j) -> (P, there): corner j of a collider that
+    may poke through the triangle, in the collider's frame."""
     t, find, (corners, _) = types(real), nearest(("solid",)), reading(real)
     boxes, cylinders, cones, meshes = ("box" in kinds, "cylinder" in kinds, "cone" in kinds, "solid" in kinds)
 

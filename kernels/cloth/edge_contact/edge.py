@@ -1,7 +1,7 @@
 """Where an edge of a sheet is nearest to a collider.
 
-phi, the signed distance of a convex collider, is convex along an edge. Its least value lies where the tangents of both ends meet,
-or above (Kelley 1960, The cutting-plane method for solving convex programs). The search goes on until phi is that low. The two
+phi, the signed distance of a convex collider, is convex along an edge. Its least value lies where the tangents of both ends
+meet, or above (Kelley 1960, The cutting-plane method for solving convex programs). The search ends where phi is that low. Both
 tangents have normals n0, n1 with slopes a0 < 0 < a1 along the edge, and m = (a1 n0 - a0 n1) / (a1 - a0) is across the edge and
 across the collider's edge: the normal of the contact is m / |m|, and inside the collider its gap is phi / |m|.
 
@@ -28,8 +28,8 @@ EXACT = 1.0e-3         # of an edge's length: how near the least phi is known
 
 @cache
 def signed(kinds: tuple[str, ...], real):
-    """Function (kind, size, mesh, q, most) -> (phi, n, slip): signed distance [m], its gradient and the motion of the surface in
-    its own frame in this substep [m]; AWAY where a mesh is farther than `most`."""
+    """Function (kind, size, mesh, q, most) -> (phi, n, slip): signed distance [m], its gradient and the motion of the surface
+    in its own frame in this substep [m]; AWAY where a mesh is farther than `most`."""
     t, (convex, meshes) = types(real), split(kinds)
     shaped, meshed, formula = bool(convex), "solid" in meshes, distance(convex)
     search, (corners, steps) = nearest(("solid",)), reading(real)

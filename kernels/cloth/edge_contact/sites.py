@@ -1,7 +1,7 @@
 """Contact of a sheet's edges and triangles with the sharp edges and corners of colliders, between the sheet's points.
 
-A site lies on an edge or a triangle of the sheet, with weights beta_k of its points, sum 1. Its gap is C = sum_k beta_k C_k along
-one normal n. What closes a gap of -C moves the points by
+A site lies on an edge or a triangle of the sheet, with weights beta_k of its points, sum 1. Its gap is C = sum_k beta_k C_k
+along one normal n. What closes a gap of -C moves the points by
 
     dx_k = s_k (-C) n,    s_k = w_k beta_k / sum_j w_j beta_j^2        (w: inverse masses; the impulse acts at the site)
 
@@ -23,13 +23,12 @@ import warp as wp
 
 from wsim.kernels.cloth.edge_contact.corner import INNER, through
 from wsim.kernels.cloth.edge_contact.edge import AWAY, lowest, signed
-from wsim.kernels.contact.project import read, slots, tables
+from wsim.kernels.contact.project import read, tables
 from wsim.kernels.contact.search import frames, reachable
 from wsim.kernels.contact.shape import BOX
 from wsim.kernels.math.real import types
 
 FLAT = 0.2             # least |m|: of faces that meet at 23 degrees
-ALIKE = 0.6            # cosine of normals between which sites of a point count as one
 FAR = -1
 TURNS = 500            # normals that differ by less are of one face: an edge of length L sinks by L / TURNS^2 there
 
@@ -145,7 +144,7 @@ def find(kinds: tuple[str, ...], real, module):
         steep = wp.length(m)
         C = real(AWAY)
         n = t.vec3()
-        if phi < r + limits[1] and steep > real(FLAT) and u > real(INNER) and u < real(1.0 - INNER):
+        if phi < r + limits[1] and steep > real(FLAT) and u > real(INNER) and u < real(1.0) - real(INNER):
             n = m / steep
             C = wp.where(phi < real(0.0), phi / steep, phi) - r
         return C, t.vec3(real(1.0) - u, u, real(0.0)), n, slip
@@ -193,121 +192,68 @@ def find(kinds: tuple[str, ...], real, module):
                 C = S.base[site] + wp.dot(n, x + moved) - gone * real(at.k % S.every)
                 sharp_out.C[site] = t.vec2(C, C - wp.dot(n, moved) + gone)
 
+    @wp.func
+    def rest(S: Sharp, lot: int, sharp_out: Sharp):
+        """No site of a lot has a contact."""
+        if S.busy[lot] != 0:
+            sharp_out.busy[lot] = 0
+            for site in range(lot * S.size, (lot + 1) * S.size):
+                sharp_out.met[site] = -1
+
+    @wp.func
+    def possible(c: Rows, S: Sharp, row: int, slot: int, p: wp.vec3i):
+        """Whether a site may be nearer to a collider than its points, as their sides and tangent planes say."""
+        side = S.side[slot + p[0]]
+        two = S.side[slot + p[1]]
+        three = S.side[slot + p[2]]
+        if not ((side != two or side != three) and wp.min(side, wp.min(two, three)) > FAR):
+            return False
+        x0 = S.q[slot + p[0]]
+        x1 = S.q[slot + p[1]]
+        f0 = S.felt[slot + p[0]]
+        f1 = S.felt[slot + p[1]]
+        if p[1] == p[2]:
+            return across(x1 - x0, f0, f1)
+        f = wp.matrix_from_rows(f0, f1, S.felt[slot + p[2]])
+        return holds(c.kind[row], c.size[row], wp.matrix_from_rows(x0, x1, S.q[slot + p[2]]), c.chord[row], f)
+
     def find_edges(c: Rows, points: Points, at: Read, S: Sharp, sharp_out: Sharp):
         lot = wp.tid()
         if at.k % S.every != 0:
             if S.busy[lot] != 0:
                 follow(c, at, S, lot, sharp_out)
             return
-        end = wp.min((lot + 1) * S.size, S.met.shape[0])
         if not uneven(S, lot):
-            if S.busy[lot] != 0:
-                sharp_out.busy[lot] = 0
-                for site in range(lot * S.size, end):
-                    sharp_out.met[site] = -1
+            rest(S, lot, sharp_out)
             return
         sharp_out.busy[lot] = 1
         o = S.object[lot]
-        for site in range(lot * S.size, end):
+        for site in range(lot * S.size, (lot + 1) * S.size):
             p = S.corner[site]
-            edge = p[1] == p[2]
             best = real(AWAY)
             sharp_out.met[site] = -1
             for j in range(S.first[o], S.first[o + 1]):
                 slot = (j - S.first[o]) * S.points
-                side = S.side[slot + p[0]]
-                two = S.side[slot + p[1]]
-                three = S.side[slot + p[2]]
-                if not ((side != two or side != three) and wp.min(side, wp.min(two, three)) > FAR):
-                    continue
-                x0 = S.q[slot + p[0]]
-                x1 = S.q[slot + p[1]]
-                f0 = S.felt[slot + p[0]]
-                f1 = S.felt[slot + p[1]]
-                if edge and not across(x1 - x0, f0, f1):
-                    continue
                 row = S.row[j]
-                kind = c.kind[row]
-                X = wp.matrix_from_rows(x0, x1, S.q[slot + p[2]])
-                f = wp.matrix_from_rows(f0, f1, S.felt[slot + p[2]])
-                if not (edge or holds(kind, c.size[row], X, c.chord[row], f)):
+                if not possible(c, S, row, slot, p):
                     continue
+                X = wp.matrix_from_rows(S.q[slot + p[0]], S.q[slot + p[1]], S.q[slot + p[2]])
+                f = wp.matrix_from_rows(S.felt[slot + p[0]], S.felt[slot + p[1]], S.felt[slot + p[2]])
                 r = S.keep[j] + wp.max(points.reach[p[0]], points.reach[p[1]])
                 margin = wp.length(at.d[p[0]]) + wp.length(at.d[p[1]]) + c.skin + c.stride[at.k, row]
-                C, beta, m, slip = gap(kind, c.size[row], c.mesh[row], X, edge, t.vec2(r, margin), f)
-                w = beta[0] * points.w[p[0]] + beta[1] * points.w[p[1]] + beta[2] * points.w[p[2]]
-                if C < margin and C < best and w > real(0.0):
+                C, b, m, slip = gap(c.kind[row], c.size[row], c.mesh[row], X, p[1] == p[2], t.vec2(r, margin), f)
+                if C < margin and C < best and wp.dot(b, t.vec3(points.w[p[0]], points.w[p[1]], points.w[p[2]])) > real(0.0):
                     best = C
-                    spot = beta * X - (C + r) * m
-                    n, way = outside(c.pose[at.k, row], c.pose[at.k + 1, row], c.step[at.k, row], m, spot, slip)
-                    moved = beta[0] * at.d[p[0]] + beta[1] * at.d[p[1]] + beta[2] * at.d[p[2]]
-                    sharp_out.base[site] = C - wp.dot(n, beta[0] * at.x[p[0]] + beta[1] * at.x[p[1]] + beta[2] * at.x[p[2]] + moved)
+                    n, way = outside(c.pose[at.k, row], c.pose[at.k + 1, row], c.step[at.k, row], m, b * X - (C + r) * m, slip)
+                    moved = b[0] * at.d[p[0]] + b[1] * at.d[p[1]] + b[2] * at.d[p[2]]
+                    x = b[0] * at.x[p[0]] + b[1] * at.x[p[1]] + b[2] * at.x[p[2]]
                     sharp_out.met[site] = row
-                    sharp_out.beta[site] = beta
+                    sharp_out.beta[site] = b
                     sharp_out.n[site] = n
                     sharp_out.u[site] = way / c.h
+                    sharp_out.base[site] = C - wp.dot(n, x + moved)
                     sharp_out.C[site] = t.vec2(C, C - wp.dot(n, moved - way))
                     for v in range(3):
                         sharp_out.touched[p[v]] = 1
 
     return wp.kernel(find_edges, name=f"find_edges_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
-
-
-@cache
-def gather(real, module):
-    """Kernel over points: contact planes of sites behind those that a point has, and how far it is carried out of overlaps."""
-    t, (Rows, Points), Read, Slots, Sharp = types(real), tables(real), read(real), slots(real), sharps(real)
-    vectors = wp.array(dtype=t.vec3)
-
-    @wp.func
-    def alike(s: Slots, first: int, end: int, n: t.vec3, row: int):
-        """The slot of a point from j on that has about the normal n and the same collider, or `end`."""
-        j = int(first)
-        while j < end and (s.row[j] != row or wp.dot(s.n[j], n) < real(ALIKE)):
-            j += s.points
-        return j
-
-    def gather_edges(c: Rows, points: Points, at: Read, S: Sharp, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors):
-        i = wp.tid()
-        count = s.count[i]
-        own_first = int(count)
-        carried = t.vec3()
-        d = at.d[i]
-        if S.touched[i] != 0 and points.w[i] > real(0.0):
-            for k in range(S.start[i], S.start[i + 1]):
-                site = S.site[k]
-                if S.met[site] >= 0:
-                    p = S.corner[site]
-                    beta = S.beta[site]
-                    K = real(0.0)
-                    own = real(0.0)
-                    for v in range(3):
-                        K += points.w[p[v]] * beta[v] * beta[v]
-                        if p[v] == i:
-                            own += beta[v]
-                    share = points.w[i] * own / K
-                    C = S.C[site]
-                    over = wp.max(-C[1], real(0.0))
-                    out = wp.min(over, c.recovery * c.h)
-                    n = S.n[site]
-                    gap = share * (C[0] + over - out)
-                    j = alike(s, own_first * s.points + i, wp.min(count, s.capacity) * s.points + i, n, S.met[site])
-                    if j >= s.points * count:                        # of the same side: what is nearest counts
-                        count += 1
-                        carried += (share * out) * n
-                    elif s.b[j] + wp.dot(s.n[j], d) <= gap:
-                        j = s.points * s.capacity
-                    if j < s.points * s.capacity:
-                        s.row[j] = S.met[site]
-                        s.n[j] = n
-                        s.b[j] = gap - wp.dot(n, d)
-                        s.u[j] = S.u[site]
-                        push_out[j] = t.vec3()
-            if count > s.capacity:
-                wp.atomic_max(s.wanted, 0, count)
-            s.count[i] = wp.min(count, s.capacity)
-            if wp.dot(carried, carried) > real(0.0):
-                d_out[i] = d + carried
-                a_out[i] = at.a[i] + carried
-
-    return wp.kernel(gather_edges, name=f"gather_edges_{t.name}", module=module, enable_backward=False)

@@ -9,8 +9,8 @@ kernels/contact/project.py.
     after the frame       contacts.wanted: 0, or the room that a point lacked: contacts.grow(), repeat the frame
                           contacts.indicators(x), contacts.impulses(g)
 
-Nothing here outlives a frame but `mark` (whether a point touched or was inside): a field of the state, which is put back when
-a frame is repeated. Colliders are carriers that push and are not pushed; `impulses` says what they received.
+Nothing here outlives a frame but `mark` (whether a point touched or was inside), a field of the state. Colliders are carriers
+that push and are not pushed; `impulses` says what they received.
 """
 
 from collections.abc import Callable
@@ -36,8 +36,7 @@ from wsim.scene.values.table import FRICTION
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
-MANY = 64              # balls of an object; 1024 points search 2.3 ms a frame of 10 substeps without a tree, 1.4 with it (one
-                       # CPU core; even at 24 balls, 7.9 and 2.5 at 256; a GPU was not measured)
+MANY = 64              # balls of an object; a CPU core, 1024 points, ms a frame: 2.3 without a tree, 1.4 with; even at 24 balls
 
 
 @dataclass
@@ -68,7 +67,7 @@ class Contacts:
         self.zero: Callable = wp.array.zero_
         self.search_kernel: Any = None                   # see `searches`
         self.adjoint: Any = None                         # `wsim.physics.contact.contacts_adjoint.ContactAdjoint`
-        self.edges: Any = None                           # `wsim.physics.contact.edges.EdgeContacts`
+        self.edges: Any = None                           # `wsim.physics.cloth.edge_contacts.EdgeContacts`
         self.dtype = np.float32 if real is wp.float32 else np.float64
         surfaces = {id(c.shape): c for group in bodies.colliders for c in group if isinstance(c.shape, Surface)}
         self.meshes = {key: Mesh.build(c, turned) for key, c in surfaces.items()}
@@ -106,9 +105,8 @@ class Contacts:
         self.search_kernel = search.search(self.kinds, self.real, self.module, self.tree is not None, listed)
 
     def _array(self, values, dtype) -> wp.array:
-        if isinstance(values, wp.array):
-            return values
-        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
+        up = partial(wp.array, dtype=dtype, device=self.device)
+        return values if isinstance(values, wp.array) else up(np.ascontiguousarray(values))
 
     def _points(self, bodies: Bodies) -> None:
         t, p = self.types, kernels.tables(self.real)[1]()
@@ -117,6 +115,7 @@ class Contacts:
         self.count, self.faces = len(p.object), self._array(bodies.faces, int)
         self.mark = wp.zeros(self.count, dtype=int, device=self.device)
         self.table.deep, self.deep = wp.ones(1, dtype=int, device=self.device), True
+        self.table.chord = wp.zeros(len(self.rows.collider), dtype=t.scalar, device=self.device)
         self.table.skin, self.table.recovery = SKIN, RECOVERY
 
     def smooth(self, scene: Scene, explicit: bool) -> None:
@@ -151,8 +150,6 @@ class Contacts:
         c.kind, c.mesh = self._array(kind[of], int), self._array(mesh[of], wp.uint64)
         c.size, c.gap = self._array(rows.size[of], t.vec3), self._array(self.gap, t.scalar)
         c.friction = self._array(self.friction, t.vec2)
-        if not c.chord:
-            c.chord = wp.zeros(len(of), dtype=t.scalar, device=self.device)
 
     def _slots(self, capacity: int) -> None:
         t, n = self.types, self.count
@@ -198,11 +195,9 @@ class Contacts:
 
     def move(self, path: str, motion: Motion) -> bool:
         """Gives the collider of that path another motion, from the next frame on. False: there is none."""
-        found = [c for c in self.rows.colliders if c.path == path]
-        for collider in found:
+        for collider in (found := [c for c in self.rows.colliders if c.path == path]):
             check(replace(collider, motion=motion))
             collider.motion = motion
-        if found:
             self.changed = self.redrawn = True
         return bool(found)
 
@@ -250,12 +245,12 @@ class Contacts:
 
     def project(self, g: float, d: wp.array, a: wp.array) -> None:
         """Launches one iteration; g [s] is the integrator's effective step, v = (d - a) / g."""
-        self.launch(self.project_kernel, self.count,
-                    [self.table, self.points, self.slots, self.read(d=d, a=a, push=self.push), g], [d, self.push])
+        at = self.read(d=d, a=a, push=self.push)
+        self.launch(self.project_kernel, self.count, [self.table, self.points, self.slots, at, g], [d, self.push])
 
     @property
     def recorded(self) -> bool:
-        """True if a tape records what is launched."""
+        """True if a tape records."""
         return self.adjoint is not None and self.adjoint.model.tape is not None
 
     def settle(self, g: float, e: wp.array, d: wp.array, a: wp.array, v: wp.array, push: wp.array | None = None) -> None:
@@ -275,9 +270,8 @@ class Contacts:
     # measuring
 
     def indicators(self, x: wp.array) -> dict[str, float]:
-        """penetration: greatest depth of a point, a triangle or a spring inside a solid [m], see
-        kernels/contact/penetration.py and depth.py; too_near: of a point inside the distance kept [m]; contacts: points in
-        contact. At the end of the frame prepared last."""
+        """penetration: greatest depth of a point, a triangle or a spring in a solid [m], see kernels/contact/penetration.py and
+        depth.py; too_near: of a point inside the distance kept [m]; contacts: points in contact. Where the last frame ends."""
         if self.owed:
             self.place()
             self.shape(self.substeps - 1)
@@ -287,11 +281,10 @@ class Contacts:
     def impulses(self, g: float) -> dict[str, np.ndarray]:
         """Impulse [N s], (3,), that each collider received in the last substep, by path, in float64."""
         count, n = self.slots.count.numpy(), self.count
-        w = self.points.w.numpy().astype(np.float64)
         row = self.slots.row.numpy().reshape(-1, n)
-        push = self.push.numpy().astype(np.float64).reshape(-1, n, 3)
+        w, push = (a.numpy().astype(np.float64) for a in (self.points.w, self.push))
         slot, point = np.nonzero(np.arange(len(row))[:, None] < count)
-        given = push[slot, point] / (w[point, None] * g)
+        given = push.reshape(-1, n, 3)[slot, point] / (w[point, None] * g)
         number = self.rows.collider[row[slot, point]]
         total = np.zeros((len(self.rows.colliders), 3))
         np.subtract.at(total, number, given)

@@ -10,7 +10,7 @@ import numpy as np
 from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.vjp import beside
-from wsim.physics.contact import edges
+from wsim.physics.cloth import edge_contacts
 from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
 from wsim.scene.check import chord
@@ -76,9 +76,6 @@ class Contact(Method):
                                  turned=model.gradients)
         self.contacts.launch, self.contacts.zero = model.launch, model.zero
         self.short(points.integrator.explicit)
-        if edges.meets(model.scene, model.gradients):
-            self.contacts.edges = edges.EdgeContacts(model, self.contacts, points.integrator.explicit)
-            self.contacts.grow(self.contacts.slots.capacity + edges.MORE)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
@@ -86,9 +83,10 @@ class Contact(Method):
         status.reserve(FACES)
         n, size, moving = model.points, np.dtype(model.dtype).itemsize, 2 * sum(
             m.moves for m in self.contacts.meshes.values())
-        tree = self.contacts.tree is not None
-        kinds = f"{len(colliders)} x {n} points: {', '.join(self.contacts.kinds)}{'; by a tree' if tree else ''}"
-        self.stages = [Stage("find contacts", "collide", self.search, 1 + moving + 2 * tree, n * (20 + 8 * size), what=kinds),
+        tree, more = self.contacts.tree is not None, self.contacts.edges is not None
+        kinds = f"{len(colliders)} x {n} points: {', '.join(self.contacts.kinds)}{'; by a tree' * tree}{'; edges' * more}"
+        self.stages = [Stage("find contacts", "collide", self.search, 1 + moving + 2 * tree + 3 * more, n * (20 + 8 * size),
+                             what=kinds),
                        Stage("contacts", "solve", self.project, 1, n * 4, "iteration", "points that touch")]
         if points.struck is not None:
             self.stages.append(Stage("settle", "solve", self.settle, 1, n * 4, what="points that touch: no history"))
@@ -112,7 +110,7 @@ class Contact(Method):
             self.stages += self.bounce.stages
 
     def short(self, explicit: bool) -> None:
-        """Parts that explicit steps have, which are many and short."""
+        """Parts that explicit steps have, which are many and short, and contacts of edges."""
         if self.movers is None:
             self.contacts.smooth(self.model.scene, explicit)
         if explicit and self.contacts.meshes and not self.model.gradients:
@@ -120,6 +118,8 @@ class Contact(Method):
             broad.listed(self.contacts)
         if self.contacts.search_kernel is None:
             self.contacts.searches()
+        if edge_contacts.meets(self.model.scene, self.model.gradients):
+            self.contacts.edges = edge_contacts.EdgeContacts(self.model, self.contacts, explicit)
 
     def part(self, clearance) -> None:
         """Frames with contacts from those without."""

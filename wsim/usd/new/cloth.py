@@ -27,12 +27,13 @@ THIN = 1e-4                        # thickness of a flat mesh against its extent
 
 
 def author_cloth(mesh_file, out, fabric: Fabric | str | None = None, prim: str | None = None, *, weld: float | None = None,
-                 **wanted) -> list[Problem]:
+                 self_collision: bool = False, **wanted) -> list[Problem]:
     """Writes a scene `out` (.usda, .usdc, .usd) in which a mesh of `mesh_file` is cloth. Returns warnings.
 
     fabric          a Fabric (taken to seven digits), or the name of a preset of `wsim.scene.fabric`; None: the physics material
                     that the mesh is bound to, else cotton
     weld            points closer than this [m] become one particle
+    self_collision  whether the cloth touches itself
     prim, wanted    ground, meters_per_unit, frames, pins, colliders, bound: see `wsim.usd.new.mesh.Wanted`
 
     Raises SceneError: no such file or mesh, an unknown fabric, a mesh that cannot be simulated, a place that cannot be
@@ -52,7 +53,7 @@ def author_cloth(mesh_file, out, fabric: Fabric | str | None = None, prim: str |
         made = bind_material(stage, bare, mesh, asked, fabric is not None,
                              lambda: author_fabric(stage, under(stage, f"materials/{name}"), material, bare.units))
         own = material if made else load_fabric(Reading(stage, bare.units), mesh, None, None)
-        _author(mesh, bare, own, weld or 0.0)
+        _author(mesh, bare, own, weld or 0.0, self_collision)
         author_settings(stage, Scene().substeps, Scene().iterations)
         author_pins(stage, bare, mesh, asked.pins)
         author_colliders(stage, bare, out, asked.colliders, notes)
@@ -78,7 +79,8 @@ def _is_flat(points: np.ndarray) -> bool:
     return bool(spread[0] <= THIN**2 * spread[2])
 
 
-def _author(mesh: Usd.Prim, bare: Bare, material: Fabric, weld: float) -> None:
+def _author(mesh: Usd.Prim, bare: Bare, material: Fabric, weld: float, self_collision: bool) -> None:
     none = np.zeros(0)
-    sheet = Cloth(str(bare.path), none, none, none, material=material, weld=weld, flat=_is_flat(bare.world))
+    sheet = Cloth(str(bare.path), none, none, none, material=material, weld=weld, flat=_is_flat(bare.world),
+                  self_collision=self_collision)
     apply_cloth(mesh, sheet, bare.units)

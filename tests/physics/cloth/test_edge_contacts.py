@@ -1,0 +1,51 @@
+"""Contacts of a cloth's edges and triangles with sharp edges and corners of colliders."""
+
+import numpy as np
+
+from wsim import Box, Cone, Fabric, Motion, Scene, Simulation, fabric, shapes
+from wsim.geometry.rotation import about_axis
+
+APART = 3.0            # [m] between the cloths of a scene, each above a collider of its own
+STANDS_OUT = 1e-3      # [m]
+
+
+UP, TILT = about_axis(np.array([1.0, 0, 0]), -np.pi / 2), about_axis(np.array([0.6, 0, 0.8]), 0.6)
+STRAIGHT = np.eye(3)
+SOLIDS = [(Box((0.4, 0.02, 0.3)), (0, 0, 0), STRAIGHT), (Box((0.2, 0.15, 0.2)), (0, -0.25, 0), TILT),
+          (Box((0.01, 0.2, 0.3)), (0, -0.16, 0), STRAIGHT)]
+
+
+def placed(turn, at):
+    M = np.eye(4)
+    M[:3, :3], M[:3, 3] = turn, at
+    return Motion.still(M)
+
+
+def test_nothing_sharp_stands_out_between_points():
+    s = Scene(frames=14)
+    for k, (shape, at, turn) in enumerate(SOLIDS):
+        sheet = shapes.sheet(1.2, 1.0, 24, 20, horizontal=True, at=(APART * k, 0.06, 0))
+        s.cloth(f"/cloth{k}", *sheet, material=fabric("cotton"))
+        s.collider(f"/solid{k}", shape, motion=placed(turn, np.add(at, (APART * k, 0, 0))))
+    sim, deep = Simulation(s, device="cpu"), []
+    for _ in range(s.frames):
+        sim.step()
+        deep.append(sim.report()["error"]["penetration"])
+    assert max(deep[-3:]) < STANDS_OUT, deep
+    x, keeps = sim.positions("/cloth0"), 0.5 * fabric("cotton").thickness
+    inner = (np.abs(x[:, 0]) < 0.35) & (np.abs(x[:, 2]) < 0.25)                          # a cell from the rim, which bends it
+    assert np.median(x[inner, 1] - 0.02 - keeps) < 1e-4
+
+
+def test_a_blow_at_a_site_is_that_of_its_weights():
+    """A free triangle meets the apex of a cone: the impulse J n at the weights b leaves no speed there, v_k = v (1 - b_k / b.b)
+    for points of one mass. The law of a plastic blow."""
+    points = np.array([[-0.1, 0.011, -0.1], [0.2, 0.011, -0.1], [-0.1, 0.011, 0.2]])
+    s = Scene(frames=1, gravity=(0, 0, 0))
+    material = Fabric(stretch=1.0, shear=0.0, bend=0.0, thickness=1e-3)          # so soft that it turns freely in a frame
+    s.cloth("/cloth", points, np.array([3]), np.array([0, 2, 1]), material=material, velocities=np.tile((0, -0.5, 0), (3, 1)))
+    s.collider("/cone", Cone(0.05, 0.1), motion=placed(UP, (0, -0.1, 0)))
+    sim = Simulation(s, device="cpu", precision="float64")
+    sim.step()
+    b = np.linalg.solve(np.vstack([points[:, [0, 2]].T, np.ones(3)]), (0.0, 0.0, 1.0))
+    assert np.allclose(sim.velocities("/cloth")[:, 1], -0.5 * (1.0 - b / (b @ b)), atol=0.02)
