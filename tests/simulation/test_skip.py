@@ -45,12 +45,13 @@ LEAPS = {"begin", "commit", "correct", "fused", "settle", "stretched", "not_fini
 PINS, AIR = {"move_pins"}, {"press", "blow"}
 BEND = {"dihedral", "angle", "curvature", "target"}
 CLOTH = {"membrane"} | BEND
+EDGES = {"feel_edges_box", "find_edges_box", "gather_edges"}      # of cloths, against sharp colliders
 DAMPED = {"membrane", "dihedral", "angle_damped", "curvature", "target"}
 KERNELS = {
     "hanging_cloth": {"march", "stretched", "not_finite"},
     "flag": LEAPS | AIR | {"march", "blow_work"},
     "cape": LEAPS | AIR | {"march", "search_sphere", "contact", "push_work"},
-    "tablecloth": LEAPS | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"},
+    "tablecloth": LEAPS | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"} | EDGES,
     "shirt": POINTS | CLOTH | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
 }
 
@@ -80,7 +81,7 @@ XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature 
 PINNED = {"wsim.physics.motion.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
 CONTACT = (room("physics.contact", "contacts colliders method mesh clearance") | room("scene.check", "contact")
-           | room("scene.check", "signed_distance chord") | room("kernels.contact", "project search collide shape mesh")
+           | room("scene.check", "signed_distance chord sharp") | room("kernels.contact", "project search collide shape mesh")
            | {"wsim.kernels.motion.clearance"})
 LEAP = (room("physics.motion", "explicit forces threads cluster packets sheets")
         | room("physics.cloth", "bending curvature elements table")
@@ -89,6 +90,7 @@ LEAP = (room("physics.motion", "explicit forces threads cluster packets sheets")
         | room("kernels.cloth", "constraint element curvature terms"))
 FUSED = (room("physics.fused", "fuser program recorder source") | room("kernels", "fused.body motion.abreast"))
 OUTLINE = {"wsim.physics.contact.poses.outline"}               # of colliders, for frames without contacts
+SHARP = room("physics.cloth", "edge_contacts") | room("kernels.cloth.edge_contact", "sites gather edge corner")
 WHOLE = room("physics.motion", "one_launch")
 SLIVERS = room("physics.fused", "stiff_few")                   # with whose mass leapfrog is weighed where it is dear
 MANY = room("scene.check", "slivers")                          # a look for triangles that make steps many
@@ -97,7 +99,7 @@ MODULES = {
     "hanging_cloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | WHOLE | PINNED | MANY,
     "flag": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | PINNED,
     "cape": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY,
-    "tablecloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE,
+    "tablecloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SHARP,
     "shirt": SCENE | RUN | CHECKS | WEIGHED | XPBD | CONTACT | OUTLINE | SLIVERS | room("kernels", "math.face")
     | room("geometry", "tetra.lattice"),           # distances of its dummy's triangles; what starts inside
 }

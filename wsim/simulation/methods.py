@@ -14,7 +14,6 @@ from wsim.model.model import Model
 from wsim.model.stage import Clock, Method, Methods
 from wsim.model.state import State
 from wsim.model.status import Status
-from wsim.physics.cloth import edge_contacts
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
 from wsim.scene.methods import METHODS, Row, carried, loads_of_bodies, touches
@@ -61,6 +60,14 @@ class Build:
         return possible(self.scene, self.model.gradients)
 
     @property
+    def edges(self) -> bool:
+        """True if edges of cloths meet colliders."""
+        if not (self.scene.colliders and self.scene.cloths):
+            return False
+        from wsim.scene.check.sharp import meets
+        return meets(self.scene, self.model.gradients)
+
+    @property
     def alone(self) -> bool:
         """True if nothing but self-contact acts within a substep, and frames in which nothing is near leave it out."""
         pushes = [row.name for row in METHODS if row.pushes and self.reasons[row.name]]
@@ -74,7 +81,7 @@ class Build:
         leapfrog = self.choice.solver == "explicit" and len(self.choice.integrator.steps) == 2
         if not (acts <= {"aero", "contact", "xpbd"} and leapfrog and self.model.device.is_cuda):
             return frozenset()
-        if edge_contacts.meets(self.scene, self.model.gradients):
+        if self.edges:
             return frozenset()                           # edges look at what other points do within a substep
         from wsim.physics.fused.domains import takes
         also = {"soft pins": any(np.isfinite(p.stiffness) for p in self.scene.pins), "loads": bool(loads_of_bodies(self.scene))}
@@ -180,7 +187,7 @@ def signature(b: Build) -> list:
             sorted({(m.model, m.damping > 0, m.yield_strain < inf, s.pressure != 0.0, s.quadratic)
                     for s in scene.softs for m in s.materials}),
             sorted({isfinite(p.stiffness) for p in scene.pins}),
-            *("clearance" for _ in [0] if b.free), *("edges" for _ in [0] if edge_contacts.meets(scene, b.model.gradients)),
+            *("clearance" for _ in [0] if b.free), *("edges" for _ in [0] if b.edges),
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
             *("loads" for _ in loads_of_bodies(scene)[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]

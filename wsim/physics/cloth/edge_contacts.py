@@ -2,75 +2,27 @@
 of points. Equations: kernels/cloth/edge_contact/sites.py.
 
 Cloths that collide with themselves meet colliders by their surfaces (`wsim.physics.selfcontact`), and have none of these. Nor
-have recordings with gradients, scenes with a `contact_width`, rigid bodies and open meshes.
+have recordings with gradients, scenes with a `contact_width`, rigid bodies, meshes that are
+open or deform, and those with few creases (`wsim.scene.check.sharp`).
 """
 
 from __future__ import annotations
-
-import weakref
 
 import numpy as np
 import warp as wp
 
 from wsim.geometry import topology
-from wsim.geometry.triangulate import triangulate
 from wsim.kernels.cloth.edge_contact import gather, sites
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
-from wsim.scene import Cloth, Collider, Plane, Scene, Surface
-from wsim.scene.check.chord import CREASE, breadth
-from wsim.scene.check.signed_distance import closed
-from wsim.scene.solids import Capsule, Sphere
+from wsim.scene.check.chord import breadth
+from wsim.scene.check.sharp import has_edges, sharp
 
 MORE = 8               # contacts of a point beyond those of points; more are made room for, and the frame is repeated
 
 LOT = 24               # sites of a lot on a CPU, which are left alone where all of its points are at one face
 EVERY = 2              # explicit substeps, which are short, of which one looks for sites. 24 x 20 cells over a box,
                        # ms a frame: none 12, each 22, of 2 17.5, of 4 16, of 8 15, and edges stand out by 1 mm at times
-KNOWN: dict[int, tuple[weakref.ref, bool]] = {}         # of meshes, which plans ask for several times
-
-
-def sharp(collider: Collider) -> bool:
-    """True if a collider has edges or corners that may stand out of a sheet between its points."""
-    shape = collider.shape
-    return _creased(shape) if isinstance(shape, Surface) else not isinstance(shape, (Plane, Sphere, Capsule))
-
-
-def _creased(surface: Surface) -> bool:
-    """True if a mesh is closed and faces meet at more than CREASE at an edge that bends outward."""
-    known = KNOWN.get(id(surface))
-    if known is None or known[0]() is not surface:
-        known = KNOWN[id(surface)] = weakref.ref(surface), _folded(surface)
-    return known[1]
-
-
-def _folded(surface: Surface) -> bool:
-    points = surface.points.astype(np.float64)
-    triangles, _ = triangulate(surface.points, surface.counts, surface.indices)
-    if not len(triangles) or not closed(points, triangles):
-        return False
-    place = topology.weld(points, 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0)))
-    faces = place[triangles]
-    first = np.zeros((place.max() + 1, 3))
-    first[place] = points
-    hinge = topology.hinges(faces.astype(np.int32))
-    a, b, c, d = (first[hinge[:, k]] for k in range(4))
-    m, n = np.cross(b - a, c - a), np.cross(a - b, d - b)
-    angle = np.arctan2(np.linalg.norm(np.cross(m, n), axis=1), (m * n).sum(axis=1))
-    volume = np.einsum("ij,ij->", first[faces[:, 0]], np.cross(first[faces[:, 1]], first[faces[:, 2]]))
-    outward = np.sign(volume) * ((d - a) * m).sum(axis=1) < 0.0
-    return bool((outward & (angle > CREASE)).any())
-
-
-def has_edges(body) -> bool:
-    """True if edges and triangles of a body meet sharp colliders."""
-    return isinstance(body, Cloth) and not body.self_collision
-
-
-def meets(scene: Scene, gradients: bool) -> bool:
-    """True if a cloth of a scene meets a sharp collider by its edges."""
-    return (not gradients and scene.contact_width == 0.0 and any(map(has_edges, scene.cloths))
-            and any(map(sharp, scene.colliders)))
 
 
 def _lots(triangles: np.ndarray, size: int) -> np.ndarray:

@@ -10,10 +10,9 @@ import numpy as np
 from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.vjp import beside
-from wsim.physics.cloth import edge_contacts
 from wsim.physics.contact.contacts import Bodies, Contacts
 from wsim.scene import Motion, Problem, SceneError
-from wsim.scene.check import chord
+from wsim.scene.check import chord, sharp
 from wsim.scene.values.table import FRICTION
 
 if TYPE_CHECKING:
@@ -118,8 +117,9 @@ class Contact(Method):
             broad.listed(self.contacts)
         if self.contacts.search_kernel is None:
             self.contacts.searches()
-        if edge_contacts.meets(self.model.scene, self.model.gradients):
-            self.contacts.edges = edge_contacts.EdgeContacts(self.model, self.contacts, explicit)
+        if sharp.meets(self.model.scene, self.model.gradients):
+            from wsim.physics.cloth.edge_contacts import EdgeContacts
+            self.contacts.edges = EdgeContacts(self.model, self.contacts, explicit)
 
     def part(self, clearance) -> None:
         """Frames with contacts from those without."""

@@ -1,0 +1,66 @@
+"""Colliders with edges or corners that may stand out of a cloth between its points, and cloths whose edges meet them
+(`wsim.physics.cloth.edge_contacts`). NumPy only."""
+
+import weakref
+
+import numpy as np
+
+from wsim.geometry import topology
+from wsim.geometry.triangulate import triangulate
+from wsim.scene import Cloth, Collider, Plane, Scene, Surface
+from wsim.scene.check.chord import CREASE
+from wsim.scene.check.signed_distance import closed
+from wsim.scene.solids import Capsule, Sphere
+
+EDGED = 2.5            # creases [m] / root of the area [m]: a cube has 4.9, a cylinder 3; a body with a few cuts is
+                       # no block, and a query of a mesh for each edge would double its time
+KNOWN: dict[int, tuple[weakref.ref, bool]] = {}         # of meshes, which plans ask for several times
+
+
+def sharp(collider: Collider) -> bool:
+    """True if a collider has edges or corners that may stand out of a sheet between its points; a mesh that deforms has none."""
+    shape = collider.shape
+    if isinstance(shape, Surface):
+        return shape.poses is None and _creased(shape)
+    return not isinstance(shape, (Plane, Sphere, Capsule))
+
+
+def _creased(surface: Surface) -> bool:
+    """True if a mesh is closed, and edges that bend outward by more than CREASE are what it is made of."""
+    known = KNOWN.get(id(surface))
+    if known is None or known[0]() is not surface:
+        known = KNOWN[id(surface)] = weakref.ref(surface), _folded(surface)
+    return known[1]
+
+
+def _folded(surface: Surface) -> bool:
+    points = surface.points.astype(np.float64)
+    triangles, _ = triangulate(surface.points, surface.counts, surface.indices)
+    if not len(triangles) or not closed(points, triangles):
+        return False
+    place = topology.weld(points, 1e-6 * float(np.ptp(points, axis=0).max(initial=0.0)))
+    faces = place[triangles]
+    first = np.zeros((place.max() + 1, 3))
+    first[place] = points
+    hinge = topology.hinges(faces.astype(np.int32))
+    a, b, c, d = (first[hinge[:, k]] for k in range(4))
+    m, n = np.cross(b - a, c - a), np.cross(a - b, d - b)
+    angle = np.arctan2(np.linalg.norm(np.cross(m, n), axis=1), (m * n).sum(axis=1))
+    volume = np.einsum("ij,ij->", first[faces[:, 0]], np.cross(first[faces[:, 1]], first[faces[:, 2]]))
+    outward = np.sign(volume) * ((d - a) * m).sum(axis=1) < 0.0
+    creases = np.linalg.norm(b - a, axis=1)[outward & (angle > CREASE)].sum()
+    corners = first[faces]
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    return bool(creases > EDGED * np.sqrt(area))
+
+
+
+def has_edges(body) -> bool:
+    """True if edges and triangles of a body meet sharp colliders."""
+    return isinstance(body, Cloth) and not body.self_collision
+
+
+def meets(scene: Scene, gradients: bool) -> bool:
+    """True if a cloth of a scene meets a sharp collider by its edges."""
+    return (not gradients and scene.contact_width == 0.0 and any(map(has_edges, scene.cloths))
+            and any(map(sharp, scene.colliders)))
