@@ -2,7 +2,7 @@
 of points. Equations: kernels/cloth/edge_contact/sites.py.
 
 Cloths that collide with themselves meet colliders by their surfaces (`wsim.physics.selfcontact`), and have none of these. Nor
-have recordings with gradients, scenes with a `contact_width`, rigid bodies, meshes that are
+have recordings with gradients, scenes with a `contact_width`, rigid bodies, shapes of other places, meshes that are
 open or deform, and those with few creases (`wsim.scene.check.sharp`).
 """
 

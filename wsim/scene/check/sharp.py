@@ -7,10 +7,10 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Cloth, Collider, Plane, Scene, Surface
+from wsim.scene import Cloth, Collider, Scene, Surface
 from wsim.scene.check.chord import CREASE
 from wsim.scene.check.signed_distance import closed
-from wsim.scene.solids import Capsule, Sphere
+from wsim.scene.solids import Box, Cone, Cylinder
 
 EDGED = 2.5            # creases [m] / root of the area [m]: a cube has 4.9, a cylinder 3; a body with a few cuts is
                        # no block, and a query of a mesh for each edge would double its time
@@ -18,11 +18,11 @@ KNOWN: dict[int, tuple[weakref.ref, bool]] = {}         # of meshes, which plans
 
 
 def sharp(collider: Collider) -> bool:
-    """True if a collider has edges or corners that may stand out of a sheet between its points; a mesh that deforms has none."""
+    """True if a collider has edges or corners that may stand out of a sheet between its points; not a mesh that deforms."""
     shape = collider.shape
     if isinstance(shape, Surface):
         return shape.poses is None and _creased(shape)
-    return not isinstance(shape, (Plane, Sphere, Capsule))
+    return isinstance(shape, (Box, Cylinder, Cone))
 
 
 def _creased(surface: Surface) -> bool:
