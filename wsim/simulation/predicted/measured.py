@@ -1,8 +1,8 @@
 """The error of a run, measured while its first frames are stepped, where its solver was chosen for the scene. What is predicted
 before (`wsim.simulation.predicted.errors`) knows neither slivers beside colliders nor folds.
 
-    implicit    a companion takes the same frames with a quarter of the substeps: D is the RMS distance of the two over the
-    steps       size. A method of order 1 errs by D / 3, of a higher order by less; where folds as large as an edge, l over the
+    implicit    a companion takes the same frames with a fifth of the substeps: D is the RMS distance of the two over the
+    steps       size. A method of order 1 errs by D / 4, of a higher order by less; where folds as large as an edge, l over the
                 size, come out differently, both err as much. In all  D (1/2 + D / (D + l/2))
     leapfrog    a companion would cost as much as the run. Instead the growth of small perturbations is estimated. A point
                 that moves across its sheet by u is driven back by u sum_e T_e, T_e = f_e / l_e the tension of its edges
@@ -18,7 +18,7 @@ growth of a perturbation that two runs show is 0.5 to 1.4 times GROWS S where th
 
 Strain: sweeps leave a lag that falls with h where a cloth is caught, and with h^2 where it hangs
 (`wsim.simulation.predicted.sweep_strain`): with s' of the companion a converged run has between  s - (s' - s) / (COARSER - 1)
-and  s - (s' - s) / (COARSER^2 - 1).  The shirt that drops on a dummy: s 0.64, said 0.12 to 0.54, converged 0.09.
+and  s - (s' - s) / (COARSER^2 - 1).  The shirt that drops on a dummy: s 0.64, said 0.18 to 0.57, converged 0.09.
 """
 
 from dataclasses import replace
@@ -33,7 +33,7 @@ from wsim.simulation.measure.indicators import edge_strain
 
 FRAMES = 24            # that are looked at, and the time of a fall through the size at least
 MOST = 100_000         # points, beyond which nothing is measured
-COARSER = 4            # substeps of a run over those of its companion
+COARSER = 5            # substeps of a run over those of its companion
 GROWS = 0.81           # points of a sheet do not move one by one, and compression comes and goes
 SEED, FOLD = 1e-6, 1.5 # over the size: eight roundings of float32; folds differ by so many edges at most
 SENSITIVE = 1e3        # growth from which a run is called sensitive
@@ -96,7 +96,7 @@ class Measured:
             s, c, frame = max(far)
             low, high = (100.0 * max(s - (c - s) / (COARSER**p - 1), 0.0) for p in (1, 2))
             found.append(f"warning: /: edges strain by up to {100.0 * s:.2g} % in frame {frame}, where a converged run has "
-                         f"{low:.2g} to {high:.2g} %: {steps} substeps are too few for the shortest edges; name more, or "
+                         f"about {low:.2g} to {high:.2g} %: {steps} substeps are too few for the shortest edges; name more, or "
                          'solver "implicit"')
         return found
 
