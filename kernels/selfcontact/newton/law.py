@@ -8,13 +8,13 @@ u [m] is how far the end of a substep is from what a row asks for: C along its n
 in kernels/selfcontact/rows.py: an impulse times the step. G_k is b_k I and the couple that takes the moment of friction back
 (kernels/selfcontact/couple.py). n, b and G are those of the start of the substep, so that u is linear in d.
 
-Newton steps solve with forces P+ and with their Jacobian beside that of elasticity. P is what the row pushed with in the
-substep before. It becomes P+ where steps have settled and a row is still wrong by DEPTH (method of multipliers: Hestenes 1969,
-Powell 1969; with friction Alart, Curnier 1991), and at the end of the substep. Where P no longer changes, C >= 0, P . n >= 0
-and the product of both is zero, whatever k is. k is STIFF times what the points resist by, by the diagonal blocks of the
-system: less takes more steps, more takes more iterations of conjugate gradients. P stands still while steps go on: they end
-where Phi with psi (below) is less than where the substep began, however few there are. Pushes that were renewed behind each
-step led 170 rows of crossed sheets to and fro, and to 20,000 J of 0.25 J.
+Newton steps solve with forces P+ and with their Jacobian beside that of elasticity. P is zero where a substep begins: lists
+of pairs end when they like, and a run that is resumed has others. It becomes P+ where steps have settled and a row is still
+wrong by DEPTH (method of multipliers: Hestenes 1969, Powell 1969; with friction Alart, Curnier 1991), and at the end of the
+substep. Where P no longer changes, C >= 0, P . n >= 0 and the product of both is zero, whatever k is. k is STIFF times what
+the points resist by, by the diagonal blocks of the system: less takes more steps, more takes more iterations of conjugate
+gradients. P stands still while steps go on: they end where Phi with psi (below) is less than where the substep began, however
+few there are. Pushes that were renewed behind each step led 170 rows of crossed sheets to and fro, and to 20,000 J of 0.25 J.
 
 The Jacobian of the law of Coulomb is not symmetric. What is kept of it is: the bound of friction stands still within a step.
 The potential whose gradient that is says how far to go along a step (kernels/solver/line_search.py):
@@ -44,7 +44,6 @@ BLOCK = 2.0 ** 20      # units of a diagonal block over own
 UNITS, MOST = 2.0 ** 30, 2.0 ** 20         # of a change of energy over that which a step promises; most of one row
 DEPTH = 0.1            # of what a row keeps: Newton steps go on while a row ends nearer, or is thrown farther, by more
 LITTLE = 0.05          # likewise: a step that moves no row by more has settled, and pushes may be renewed
-LASTS = 0.5            # of a push, by which one that lasts differs from the one before at most: the next substep begins with it
 BACK = 0.02            # of what a row is nearer than it keeps, by which it goes apart in a substep: more would throw it
 PRESS, RENEW, CHECK, STORE, LOOK = range(5)
 WRONG, STEPS, MOVING = range(3)            # words, see `renew`; STEPS: how many further ones
@@ -62,7 +61,6 @@ def laws(real):
         rate: t.scalar                            # 1 / g^2 [1/s^2]
         ahead: t.scalar                           # 1; 2 by the implicit midpoint
         k: wp.array(dtype=t.scalar)               # stiffness over rate [kg]; 0: the row is not solved for
-        earlier: wp.array(dtype=t.vec3)           # push of each pair two substeps before [m kg]
         push: wp.array(dtype=t.vec3)              # P+ [m kg]
         last: wp.array(dtype=t.scalar)            # C where the step before began [m]
         rho: wp.array(dtype=t.scalar)             # part of the stiffness across the normal; < 0: the row does not push

@@ -12,7 +12,6 @@ from wsim.kernels.selfcontact.newton.law import (
     BLOCK,
     CHECK,
     DEPTH,
-    LASTS,
     LITTLE,
     MOVING,
     RENEW,
@@ -29,8 +28,7 @@ from wsim.kernels.solver.newton import inverse_of, structs
 
 @cache
 def stiffen(real, module):
-    """Kernel over rows where a substep begins: k, and the first push, that of the substep before if it lasts. A: the system
-    without contacts. Rows with a strand are not solved for."""
+    """Kernel over rows where a substep begins: k. A: the system without contacts. Rows with a strand are not solved for."""
     t, Surfaces, Pairs, Laws, Matrix = types(real), pairs.surfaces(real), pairs.lists(real), laws(real), structs(real).Matrix
 
     @wp.kernel(module=module, enable_backward=False)
@@ -52,12 +50,6 @@ def stiffen(real, module):
             law.push[j] = t.vec3()
             if soft > real(0.0):
                 law.k[j] = real(STIFF) / (soft * law.rate)
-                P = near.past[near.row[j]]
-                earlier = law.earlier[near.row[j]]
-                law.earlier[near.row[j]] = P
-                if wp.length(P - earlier) > real(LASTS) * wp.length(P):         # a blow, which is over
-                    P = t.vec3()
-                near.swept[4 * j + pairs.PUSH] = t.vec4(P[0], P[1], P[2], near.swept[4 * j + pairs.PUSH][3])
             j += threads
 
     return stiffen_rows

@@ -55,7 +55,7 @@ class NewtonRows(Term):
         if self.capacity != (n := self.near.pairs.capacity):
             t, zeros = types(self.model.real), self.assembly.system.zeros
             self.capacity, self.law.k, self.law.rho, self.law.last = n, *(zeros(n, t.scalar) for _ in range(3))
-            self.law.push, self.law.earlier = zeros(n, t.vec3), zeros(n, t.vec3)
+            self.law.push = zeros(n, t.vec3)
 
     # launches
 
