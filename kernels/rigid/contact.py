@@ -1,11 +1,14 @@
 """Tables of rigid contact, and the formulas of one manifold: gaps, effective mass, impulses.
 
-A manifold has a normal n from B to A, fixed while it lives, and up to four points. A point has a core in the frame of each
-body, which turns with it, and a skin along n, which does not: of a sphere the core is its centre, so that rolling moves no
-contact.
+A manifold has a normal n from B to A, fixed until it is renewed, and up to four points. A point has a core in the frame of
+each body, which turns with it, a rim and a skin, which do not. Of a sphere the core is its centre and the skin its radius; of
+the side and the rim of a cylinder or a cone the core is on the axis z and the rim is the distance from there, so that rolling
+moves no contact.
 
-    r_a = R_a c_a - n s_a,   r_b = R_b c_b + n s_b                             places from the centres of mass
-    gap = gap_0 + n . (d_a - d_b + (R_a c_a - R_a0 c_a) - (R_b c_b - R_b0 c_b))   d: displacement since the manifold was made
+    e   = (n - (n.z) z) / |n - (n.z) z|                                        across the axis, in the plane of n and z
+    p_a = R_a c_a - e_a rim_a,   p_b = R_b c_b + e_b rim_b                     from the centres of mass
+    r_a = p_a - n s_a,           r_b = p_b + n s_b                             places from the centres of mass
+    gap = gap_0 + n . (d_a - d_b + (p_a - p_a0) - (p_b - p_b0))                d: displacement since the manifold was made
     u   = v_a + omega_a x r_a - (v_b + omega_b x r_b)                          velocity of A against B
 
 Frames: dynamic bodies come first, then colliders, which have no inverse mass and whose poses and velocities are tables.
@@ -60,9 +63,14 @@ def structs(real):
         key: wp.array(dtype=int)               # of a point
         n: wp.array(dtype=t.vec3)
         skin: wp.array(dtype=t.vec2)
+        from_a: wp.array(dtype=t.vec3)         # poses of the frames for which the manifold was made
+        from_b: wp.array(dtype=t.vec3)
+        turn_a: wp.array(dtype=t.quat)
+        turn_b: wp.array(dtype=t.quat)
         core_a: wp.array(dtype=t.vec3)         # in the frames
         core_b: wp.array(dtype=t.vec3)
-        first_a: wp.array(dtype=t.vec3)        # R c as the manifold was made
+        rim: wp.array(dtype=t.vec2)            # of a, of b; 0: nothing that rolls about an axis
+        first_a: wp.array(dtype=t.vec3)        # p as the manifold was made
         first_b: wp.array(dtype=t.vec3)
         gap: wp.array(dtype=real)
         push: wp.array(dtype=real)             # impulse along n in a substep [N s]
@@ -73,13 +81,19 @@ def structs(real):
         """Of a substep: frames of all bodies (bodies + colliders,), and points."""
         center: wp.array(dtype=wp.vec3d)       # of shapes, world
         span: wp.array(dtype=t.vec2)           # of shapes: radius of the ball, < 0 without end; how far it may go
-        from_x: wp.array(dtype=t.vec3)         # where bodies were when manifolds were made
+        from_x: wp.array(dtype=t.vec3)         # where bodies were when pairs were listed
+        from_q: wp.array(dtype=t.quat)
+        way: wp.array(dtype=real)              # of bodies [m]: how far a shape may go before the list is no longer whole
+        slack: wp.array(dtype=real)            # of bodies [m]: part of it that does not depend on the speed
+        arm: wp.array(dtype=real)              # of bodies [m]: from the centre of mass to the farthest end of a shape
+        strayed: wp.array(dtype=int)           # (1,): 1 once a body has gone, or will go, farther than its way
         spread: wp.array(dtype=t.mat33)        # I^-1, world
         turn: wp.array(dtype=t.mat33)          # R
         p0: wp.array(dtype=t.vec3)             # momenta before the substep's forces
         L0: wp.array(dtype=t.vec3)
         touched: wp.array(dtype=int)
         given: wp.array(dtype=wp.float64)      # to bodies: work of colliders that move, in the frame [J]
+        renewed: wp.array(dtype=int)           # of manifolds: 1 if it was made in this substep, 2 if it is to be left out
         listed: wp.array(dtype=int)            # (1,): how many manifolds there are, those that found no room with them
         order: wp.array(dtype=int)             # manifolds by colour
         starts: wp.array(dtype=int)            # of colours in `order`, and the end

@@ -70,15 +70,35 @@ def formulas(real):
         return two
 
     @wp.func
-    def moved(f: int, k: int, rig: Rig):
-        """Way of a frame since manifolds were made."""
+    def moved(f: int, since: t.vec3, k: int, rig: Rig):
+        """Displacement of a frame since a manifold was made."""
         n = rig.b.w.shape[0]
-        x = -rig.work.from_x[f]
+        x = -since
         if f < n:
             x += rig.now.x[f]
         else:
             x += rig.still.x[k * rig.still.moving, f - n]
         return x
+
+    @wp.func
+    def across(shape: int, R: t.mat33, n: t.vec3, rig: Rig):
+        """e: the unit vector across the axis of a shape in the plane of the axis and n; 0 where n is along the axis."""
+        z = R * wp.quat_rotate(wp.transform_get_rotation(rig.s.place[shape]), t.vec3(real(0.0), real(0.0), real(1.0)))
+        return wp.normalize(n - wp.dot(n, z) * z)
+
+    @wp.func
+    def arms(m: int, j: int, two: Two, rig: Rig):
+        """p_a and p_b of point j."""
+        R_a = rig.work.turn[two.f]
+        R_b = rig.work.turn[two.g]
+        n = rig.c.n[m]
+        arm_a = R_a * rig.c.core_a[j]
+        arm_b = R_b * rig.c.core_b[j]
+        if rig.c.rim[j][0] > real(0.0):
+            arm_a -= rig.c.rim[j][0] * across(rig.c.a[m], R_a, n, rig)
+        if rig.c.rim[j][1] > real(0.0):
+            arm_b += rig.c.rim[j][1] * across(rig.c.b[m], R_b, n, rig)
+        return arm_a, arm_b
 
     @wp.func(inline=False)
     def prepare(m: int, k: int, rig: Rig):
@@ -86,9 +106,7 @@ def formulas(real):
         count = rig.c.count[m]
         if count > 0:
             two = bodies(m, rig)
-            away = moved(two.f, k, rig) - moved(two.g, k, rig)
-            R_a = rig.work.turn[two.f]
-            R_b = rig.work.turn[two.g]
+            away = moved(two.f, rig.c.from_a[m], k, rig) - moved(two.g, rig.c.from_b[m], k, rig)
             n = rig.c.n[m]
             t1 = first(n)
             t2 = wp.cross(n, t1)
@@ -98,8 +116,7 @@ def formulas(real):
             for i in range(4):
                 if i < count:
                     j = 4 * m + i
-                    arm_a = R_a * rig.c.core_a[j]
-                    arm_b = R_b * rig.c.core_b[j]
+                    arm_a, arm_b = arms(m, j, two, rig)
                     rig.work.now[j] = rig.c.gap[j] + wp.dot(n, away + (arm_a - rig.c.first_a[j]) - (arm_b - rig.c.first_b[j]))
                     arm_a = arm_a - rig.c.skin[m][0] * n
                     arm_b = arm_b + rig.c.skin[m][1] * n

@@ -21,7 +21,7 @@ class Kind:
     """Functions of a kind of constraints; j: one of them, k: substep, slot: its place in the order of colours.
 
     prepare(j, k, rig)               arms and the like, as bodies are where substep k begins
-    warm(j, k, rig)                  impulses of the substep before
+    warm(j, k, h, rig)               impulses of the substep before
     solve(j, k, h, biased, rig)      one sweep; biased 1: with what closes gaps and errors, 0: without (relax)
     colours(rig)                     how many
     start(colour, rig)               first slot of a colour; start(colours) is the end
@@ -55,7 +55,7 @@ def acts(kind: Kind, real) -> Act:
 
     @wp.func
     def warm(j: int, k: int, h: real, biased: int, rig: Rig):
-        warm_one(j, k, rig)
+        warm_one(j, k, h, rig)
 
     return Act(prepare, warm, kind.solve)
 

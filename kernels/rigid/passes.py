@@ -15,15 +15,18 @@ import warp as wp
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impact import impacts
 from wsim.kernels.rigid.kinds import Kind, acts, at_once, by_colour, in_turn
+from wsim.kernels.rigid.lists.pairs import straying
 from wsim.kernels.rigid.soft_step import body_steps
 
 
 def over_bodies(real):
     """(begun, placed, ended): functions of the bodies, what precedes the constraints' sweeps and what follows them."""
-    Rig, (oriented, turned, forces, place) = whole(real), body_steps(real)
+    Rig, (oriented, turned, forces, place), stray = whole(real), body_steps(real), straying(real)
 
     @wp.func
     def begun(i: int, threads: int, h: real, rig: Rig):
+        if i == 0:
+            rig.work.strayed[0] = 0
         for b in range(i, rig.b.w.shape[0], threads):
             forces(b, h, rig)
 
@@ -45,6 +48,7 @@ def over_bodies(real):
     def ended(i: int, threads: int, k: int, h: real, rig: Rig):
         for b in range(i, rig.b.w.shape[0], threads):
             place(b, h, rig)
+            stray(b, h, rig)
         last = rig.b.w.shape[0]
         if rig.still.moving == 1:                       # of colliders that stand, once is enough
             last = rig.work.turn.shape[0]
@@ -70,6 +74,7 @@ def walks(kinds: Sequence[Kind], real, meet: Callable, bouncing: bool, **impact)
 
 def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing: bool = False):
     """Kernel of substeps steps[0] .. steps[1] of a frame, of h [s], with steps[2] sweeps each, by so many threads that `meet`.
+    Manifolds are those of steps[0], and prepared, unless that is 0.
 
     threads, cluster: of a block, and blocks of a cluster, on CUDA. bouncing: the last kind has impacts."""
     Rig, w = whole(real), walks(kinds, real, meet, bouncing)
@@ -78,9 +83,10 @@ def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int =
 
     def rigid_substeps(steps: wp.vec3i, h: real, threads: int, rig: Rig):
         i = wp.tid()
-        placed(i, threads, steps[0], rig)
+        if steps[0] == 0:
+            placed(i, threads, 0, rig)
         meet()
-        for k in range(steps[0] - 1, steps[1]):              # before the first, arms alone
+        for k in range(steps[0] - 1, steps[1]):              # before the first of a frame, arms alone
             if k >= steps[0]:
                 thrown(i, threads, k, h, rig)
                 begun(i, threads, h, rig)
@@ -93,7 +99,8 @@ def substeps(kinds: Sequence[Kind], real, module, meet: Callable, threads: int =
                     if k >= steps[0]:
                         ended(i, threads, k, h, rig)
                         meet()
-                    prepare(i, threads, k + 1, h, biased, rig)
+                    if k >= steps[0] or k < 0:
+                        prepare(i, threads, k + 1, h, biased, rig)
                     meet()
                 if k >= steps[0]:
                     solve(i, threads, k, h, biased, rig)

@@ -97,7 +97,8 @@ def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int 
 
     def rigid_converged(steps: wp.vec3i, h: real, threads: int, tolerance: real, rig: Rig):
         i = wp.tid()
-        placed(i, threads, steps[0], rig)
+        if steps[0] == 0:
+            placed(i, threads, 0, rig)
         meet()
         rounds = int(2)                                      # with bias and without; no literal, which Warp would unroll
         for k in range(steps[0] - 1, steps[1]):              # each pass at one place, see kernels/rigid/passes.py
@@ -111,7 +112,8 @@ def converged(kinds: Sequence[Kind], real, module, meet: Callable, threads: int 
                     if k >= steps[0]:
                         ended(i, threads, k, h, rig)
                         meet()
-                    prepare(i, threads, k + 1, h, 0, rig)
+                    if k >= steps[0] or k < 0:
+                        prepare(i, threads, k + 1, h, 0, rig)
                     meet()
                 if k >= steps[0]:
                     solved(i, threads, k, h, 1 - relaxed, tolerance, rig)

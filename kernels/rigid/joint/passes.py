@@ -8,6 +8,7 @@ import warp as wp
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import functions
+from wsim.kernels.rigid.lists.pairs import straying
 from wsim.kernels.rigid.motion import double3, kicked
 from wsim.kernels.rigid.passes import over_bodies, walks
 from wsim.kernels.rigid.soft_step import body_steps
@@ -16,11 +17,13 @@ from wsim.kernels.rigid.soft_step import body_steps
 def bodies(real):
     """(begun, placed, ended) as `over_bodies`; bodies of joints are placed by what joints expect."""
     Rig, (_, _, forces, place), (_, placed, _) = whole(real), body_steps(real), over_bodies(real)
-    linked = functions(real).place
+    linked, stray = functions(real).place, straying(real)
 
     @wp.func(inline=False)
     def begun(i: int, threads: int, h: real, rig: Rig, J: Linked):
         half = real(0.5) * h
+        if i == 0:
+            rig.work.strayed[0] = 0
         for b in range(i, rig.b.w.shape[0], threads):
             p = rig.now.p[b]
             L = rig.now.L[b]
@@ -37,6 +40,7 @@ def bodies(real):
                 place(b, h, rig)
             elif rig.work.asleep[b] == 0:
                 linked(b, h, rig.b, rig.now, J)
+            stray(b, h, rig)
         placed(i, threads, k + 1, rig)
 
     return begun, placed, ended
@@ -116,7 +120,8 @@ def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bounci
 
     def rigid_linked(steps: wp.vec3i, h: real, threads: int, rig: Rig, J: Linked):
         i = wp.tid()
-        placed(i, threads, steps[0], rig)
+        if steps[0] == 0:
+            placed(i, threads, 0, rig)
         meet()
         n = steps[2]
         for k in range(steps[0] - 1, steps[1]):              # each pass at one place, see kernels/rigid/passes.py
@@ -134,8 +139,9 @@ def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bounci
                     if k >= steps[0]:
                         ended(i, threads, k, h, rig, J)
                         meet()
-                    lined(i, threads, k + 1, rig, J)
-                    prepare(i, threads, k + 1, h, biased, rig)
+                    if k >= steps[0] or k < 0:
+                        lined(i, threads, k + 1, rig, J)
+                        prepare(i, threads, k + 1, h, biased, rig)
                     meet()
                 if k >= steps[0]:
                     if turn != 0 and turn != n + 1:

@@ -17,9 +17,11 @@ import warp as wp
 from wsim.kernels.math.eigen import identity
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.lists.manifold import manifold, reduction
 from wsim.kernels.rigid.lists.pairs import ROWS
-from wsim.kernels.rigid.lists.rows import lasts, posing, writing
+from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, meeting, needing
+from wsim.kernels.rigid.lists.rows import keep_row, lasts, posing, writing
 from wsim.kernels.rigid.narrow.clip import SIDES, WHOLE
 from wsim.kernels.rigid.narrow.mesh import WIDER, bounds, reading, relative, surfaces
 from wsim.kernels.rigid.narrow.shape import MESH, extent, hulls
@@ -159,11 +161,42 @@ def walking(kinds: frozenset[str], real):
     return walk
 
 
+@cache
+def approach(real):
+    """Function (m, twist, posed, rig) -> (least gap, time until the first point of the rows of a pair touches; < 0: none does).
+    Rows are in A's frame."""
+    Rig, Posed, of = whole(real), posing(real)[0], meeting(real)
+    Twist, closing = of.Twist, of.closing
+
+    @wp.func
+    def approach(m: int, both: Twist, p: Posed, rig: Rig):
+        q = wp.transform_get_rotation(p.pose_a)
+        o = wp.transform_get_translation(p.pose_a)
+        least = real(1.0e30)
+        soonest = real(-1.0)
+        rows = int(ROWS)
+        for r in range(rows):
+            n = wp.quat_rotate(q, rig.c.n[m + r])
+            for i in range(rig.c.count[m + r]):
+                j = 4 * (m + r) + i
+                least = wp.min(least, rig.c.gap[j])
+                rate = closing(n, wp.quat_rotate(q, rig.c.first_a[j]) + o, both, p)
+                if rate < real(0.0):
+                    after = -rig.c.gap[j] / rate
+                    if soonest < real(0.0) or after < soonest:
+                        soonest = after
+        return least, soonest
+
+    return approach
+
+
 def collide_mesh(kinds: frozenset[str], real, module):
-    """Kernel over the rows of a list, behind `rigid_collide`; kinds: of the shapes that meet meshes."""
+    """Kernel over the rows of a list, behind `rigid_collide`; kinds: of the shapes that meet meshes; h as there."""
     t, Rig, Last, Hulls, Surfaces = types(real), whole(real), lasts(real), hulls(real), surfaces(real)
-    write, posed, walk = writing(real), posing(real)[1], walking(kinds, real)
-    known, point = write.known, write.point
+    write, (Posed, posed), walk = writing(real), posing(real), walking(kinds, real)
+    known, point, poses, keep = write.known, write.point, write.poses, keep_row(real)
+    needed, of, prepare, approaching = needing(real), meeting(real), formulas(real)[1], approach(real)
+    twist, advanced, hurried, margin, size = of.twist, of.advanced, of.hurried, of.margin, of.size
 
     @wp.func
     def first_of_its_pair(m: int, rig: Rig):
@@ -172,25 +205,76 @@ def collide_mesh(kinds: frozenset[str], real, module):
             first = rig.c.a[m - 1] != rig.c.a[m] or rig.c.b[m - 1] != rig.c.b[m]
         return first
 
-    def rigid_collide_mesh(rig: Rig, H: Hulls, S: Surfaces, k: int, last: Last):
+    @wp.func
+    def awake(m: int, rig: Rig):
+        rows = int(ROWS)
+        found = bool(True)
+        for r in range(rows):
+            if rig.c.count[m + r] < 0:
+                found = False
+        return found
+
+    @wp.func(inline=False)
+    def emptied(m: int, rig: Rig):
+        rows = int(ROWS)
+        for r in range(rows):
+            rig.c.count[m + r] = 0
+
+    @wp.func(inline=False)
+    def written(m: int, k: int, row: int, p: Posed, last: Last, rig: Rig):
+        """Rows of a pair from A's frame into the world's axes, with their impulses."""
+        q = wp.transform_get_rotation(p.pose_a)
+        o = wp.transform_get_translation(p.pose_a)
+        rows = int(ROWS)
+        for r in range(rows):
+            rig.c.colour[m + r] = -1
+            if row >= 0:
+                rig.c.colour[m + r] = last.colour[row + r]
+            rig.c.n[m + r] = wp.quat_rotate(q, rig.c.n[m + r])
+            rig.work.renewed[m + r] = 1
+            rig.c.skin[m + r] = t.vec2(rig.s.skin[rig.c.a[m]], real(0.0))
+            poses(m + r, p, rig)
+            for i in range(rig.c.count[m + r]):
+                j = 4 * (m + r) + i
+                point(m + r, i, wp.quat_rotate(q, rig.c.first_a[j]) + o, rig.c.gap[j], row, p, last, rig)
+            prepare(m + r, k, rig)
+
+    def rigid_collide_mesh(rig: Rig, H: Hulls, S: Surfaces, k: int, h: real, last: Last):
         m = wp.tid()
         a = rig.c.a[m]
         if a >= 0 and m + ROWS <= rig.c.a.shape[0]:
             if first_of_its_pair(m, rig):
-                p = posed(m, k, rig)
-                row = known(m, last, rig)
-                walk(m, p, H, S, rig)
-                q = wp.transform_get_rotation(p.pose_a)
-                o = wp.transform_get_translation(p.pose_a)
-                rows = int(ROWS)
-                for r in range(rows):
-                    rig.c.colour[m + r] = -1
-                    if row >= 0:
-                        rig.c.colour[m + r] = last.colour[row + r]
-                    rig.c.n[m + r] = wp.quat_rotate(q, rig.c.n[m + r])
-                    rig.c.skin[m + r] = t.vec2(rig.s.skin[a], real(0.0))
-                    for i in range(rig.c.count[m + r]):
-                        j = 4 * (m + r) + i
-                        point(m + r, i, wp.quat_rotate(q, rig.c.first_a[j]) + o, rig.c.gap[j], row, p, last, rig)
+                whole_list = rig.work.strayed[0]
+                make = whole_list == 1
+                if not make and awake(m, rig):
+                    make = needed(m, k, rig)
+                if make:
+                    row = int(m)
+                    if whole_list == 1:
+                        row = known(m, last, rig)
+                    else:
+                        rows = int(ROWS)
+                        for r in range(rows):
+                            keep(m + r, rig.c, last)
+                    p = posed(m, k, rig)
+                    both = twist(m, k, h, rig)
+                    p.margin = margin(both, h, m, p, rig)
+                    q = p
+                    fast = hurried(both, h, m, rig)
+                    time = real(0.0)
+                    steps = int(STEPS)
+                    for _step in range(steps):
+                        q = advanced(p, both, time, m, rig)
+                        emptied(m, rig)
+                        walk(m, q, H, S, rig)
+                        if not fast:
+                            break
+                        least, more = approaching(m, both, q, rig)
+                        if least <= real(TOUCHES) * size(m, rig) or more < real(0.0) or time + more > real(LATER) * h:
+                            break
+                        time += more
+                    written(m, k, row, q, last, rig)
+        elif a >= 0 and rig.s.kind[rig.c.b[m]] == MESH:
+            rig.c.count[m] = 0                          # no room for all rows of its pair
 
     return wp.kernel(rigid_collide_mesh, name="rigid_collide_mesh", module=module, enable_backward=False)

@@ -1,12 +1,13 @@
-"""Which shapes may meet until manifolds are made anew: balls about them, grown by how far their bodies can go.
+"""Which shapes may meet until the list is made anew: balls about them, grown by how far their bodies can go.
 
 Of shapes i < j: not both of colliders, not of one body, of one world (or all), and
 
-    |c_i - c_j| < ball_i + ball_j + way_i + way_j,    way = time (|v| + |a| time) + a part of the size,
+    |c_i - c_j| < ball_i + ball_j + way_i + way_j,    way = time (|v| + |a| time + |omega| arm) + a part of the size,
 
 and boxes about them that overlap, which Warp's trees find: one of the shapes of bodies, built anew each time, one of colliders,
 built once if they stand. A thread takes shape i of a body and counts, then, behind a scan, writes its partners and sorts them:
 the list is sorted, and the same from run to run. What has no end (planes) is no leaf; all try it, by the height above it.
+A body that goes farther than its way, after a blow, says so (`straying`): then the list is made anew before its time.
 Places are float64 sums of the bodies' origins and displacements; boxes are float32, from the first origin, and widened by what
 that rounds.
 """
@@ -78,6 +79,14 @@ def reach(real, module, filtered: bool = False):
     t, Tree = types(real), trees(filtered)
     Rig = whole(real)
 
+    @wp.func
+    def fastest(c: int, ball: real, rig: Rig):
+        """Largest speed of a point of a collider in the frame [m/s]."""
+        speed = real(0.0)
+        for r in range(rig.still.v.shape[0]):
+            speed = wp.max(speed, wp.length(rig.still.v[r, c]) + wp.length(rig.still.omega[r, c]) * wp.max(ball, real(0.0)))
+        return speed
+
     def rigid_reach(rig: Rig, first: int, k: int, time: real, tree: Tree):
         i = first + wp.tid()
         f = rig.s.frame[i]
@@ -90,14 +99,15 @@ def reach(real, module, filtered: bool = False):
             q = rig.now.q[f]
             way = time * rig.b.w[f] * (wp.length(rig.now.p[f]) + time * wp.length(rig.b.push[f]))
             spin = wp.length(wp.cw_mul(rig.b.inverse[f], wp.quat_rotate_inv(q, rig.now.L[f])))
-            way += time * spin * wp.length(wp.transform_get_translation(rig.s.place[i]))
+            way += time * spin * rig.work.arm[f]
+            rig.work.way[f] = way + rig.work.slack[f]
         else:
             row = k * rig.still.moving
             x = rig.still.x[row, f - n]
             q = rig.still.q[row, f - n]
-            turning = wp.length(rig.still.omega[row, f - n]) * wp.max(rig.s.ball[i], real(0.0))
-            way = time * (wp.length(rig.still.v[row, f - n]) + turning)
+            way = time * fastest(f - n, rig.s.ball[i], rig)
         rig.work.from_x[f] = x
+        rig.work.from_q[f] = q
         p = x + wp.quat_rotate(q, wp.transform_get_translation(rig.s.place[i]))
         rig.work.center[i] = rig.s.origin[f] + wp.vec3d(wp.float64(p[0]), wp.float64(p[1]), wp.float64(p[2]))
         slack = real(0.0)
@@ -122,6 +132,38 @@ def reach(real, module, filtered: bool = False):
         tree.high[i] = at + wide
 
     return wp.kernel(rigid_reach, name="rigid_reach", module=module, enable_backward=False)
+
+
+@cache
+def straying(real):
+    """Function (i, h, rig): says whether body i, where it is, or is after another substep of h [s], is beyond its way."""
+    Rig = whole(real)
+
+    @wp.func
+    def stray(i: int, h: real, rig: Rig):
+        if rig.work.asleep[i] == 0 and rig.work.way.shape[0] > 0:
+            q = rig.now.q[i]
+            d = q - rig.work.from_q[i]
+            if wp.dot(q, rig.work.from_q[i]) < real(0.0):
+                d = q + rig.work.from_q[i]
+            spin = wp.length(wp.cw_mul(rig.b.inverse[i], wp.quat_rotate_inv(q, rig.now.L[i])))
+            goes = wp.length(rig.now.x[i] - rig.work.from_x[i]) + real(2.0) * wp.length(d) * rig.work.arm[i]
+            goes += h * (rig.b.w[i] * (wp.length(rig.now.p[i]) + h * wp.length(rig.b.push[i])) + spin * rig.work.arm[i])
+            if goes > rig.work.way[i]:
+                rig.work.strayed[0] = 1
+
+    return stray
+
+
+def summed(module):
+    """Kernel of one thread: first_out[i] is the sum of count[0] .. count[i]."""
+    def rigid_summed(count: wp.array(dtype=int), first_out: wp.array(dtype=int)):
+        sum = int(0)
+        for i in range(count.shape[0]):
+            sum += count[i]
+            first_out[i] = sum
+
+    return wp.kernel(rigid_summed, name="rigid_summed", module=module, enable_backward=False)
 
 
 def listed(real, module, filtered: bool = False):

@@ -1,8 +1,9 @@
 """Rows of the list of manifolds: what a thread reads of their shapes, and writes of their points.
 
 Of a point the midpoint x is known from the centre of A's body; its core is that place of each body, less the skin along the
-normal, in the body's frame (kernels/rigid/contact.py). Impulses are those that a point of the same key had in the last list,
-which is sorted by (a, b): a pair finds its rows there by bisection. A pair with a mesh has several.
+normal and the rim across the axis, in the body's frame (kernels/rigid/contact.py). Impulses are those that a point of the same
+key had before: in the same row, or in a row of the last list, which is sorted by (a, b), so that a pair finds its rows there by
+bisection. A pair with a mesh has several.
 """
 
 from functools import cache
@@ -10,9 +11,14 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from wsim.kernels.contact.shape import CONE, CYLINDER
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import structs, whole
-from wsim.kernels.rigid.narrow.shape import shape
+from wsim.kernels.rigid.lists.pairs import ROWS
+from wsim.kernels.rigid.narrow.shape import FLAT, MESH, shape
+
+ROUND = wp.constant(0.99)              # cosine: a point of a round surface lies where the normal says
+AXIS = wp.constant(1.0e-5)             # of the rim: a core lies on the axis
 
 
 @cache
@@ -35,10 +41,21 @@ def lasts(real):
 
 def keeping(real, module):
     """Kernel over the rows of a list that keeps what the next list asks for."""
-    Contacts, Last = structs(real)[2], lasts(real)
+    Contacts, Last, keep = structs(real)[2], lasts(real), keep_row(real)
 
     def rigid_keep(c: Contacts, last: Last):
-        m = wp.tid()
+        keep(wp.tid(), c, last)
+
+    return wp.kernel(rigid_keep, name="rigid_keep", module=module, enable_backward=False)
+
+
+@cache
+def keep_row(real):
+    """Function (m, contacts, last): row m becomes the same row of the last list."""
+    Contacts, Last = structs(real)[2], lasts(real)
+
+    @wp.func
+    def keep_row(m: int, c: Contacts, last: Last):
         last.a[m] = c.a[m]
         last.b[m] = c.b[m]
         last.count[m] = c.count[m]
@@ -50,7 +67,7 @@ def keeping(real, module):
             last.push[j] = c.push[j]
             last.rub[j] = c.rub[j]
 
-    return wp.kernel(rigid_keep, name="rigid_keep", module=module, enable_backward=False)
+    return keep_row
 
 
 @cache
@@ -68,6 +85,8 @@ def posing(real):
         q_a: t.quat                            # of the frames
         q_b: t.quat
         x_b: t.vec3                            # of B's frame
+        from_a: t.vec3                         # places of the frames, each from its own origin
+        from_b: t.vec3
         margin: real
 
     @wp.func
@@ -108,6 +127,8 @@ def posing(real):
         p.q_a = wp.transform_get_rotation(frame_a)
         p.q_b = wp.transform_get_rotation(frame_b)
         p.x_b = wp.transform_get_translation(frame_b) + apart
+        p.from_a = wp.transform_get_translation(frame_a)
+        p.from_b = wp.transform_get_translation(frame_b)
         p.pose_a = t.transform(t.vec3(), p.q_a) * rig.s.place[a]
         p.pose_b = t.transform(p.x_b, p.q_b) * rig.s.place[b]
         p.margin = rig.work.span[a][1] + rig.work.span[b][1]
@@ -119,7 +140,7 @@ def posing(real):
 @cache
 def writing(real) -> SimpleNamespace:
     """known(m, last, rig) -> first row of the last list with the pair of row m, or -1. point(m, i, x, gap, row, posed, last,
-    rig): point i of row m, whose normal and key are there."""
+    rig): point i of row m, whose normal and key are there. poses(m, posed, rig): what the gaps of row m count from."""
     t, Rig, Last, Posed = types(real), whole(real), lasts(real), posing(real)[0]
 
     @wp.func(inline=False)
@@ -158,11 +179,33 @@ def writing(real) -> SimpleNamespace:
                     rig.c.rub[j] = last.rub[4 * r + e]
                     found = True
             r += 1
-            more = r < last.a.shape[0]
+            more = r < last.a.shape[0] and r < row + ROWS
             if more:
-                more = last.a[r] == rig.c.a[m] and last.b[r] == rig.c.b[m]
+                more = last.a[r] == rig.c.a[m] and last.b[r] == rig.c.b[m] and rig.s.kind[rig.c.b[m]] == MESH
             if not more:
                 r = -1
+
+    @wp.func
+    def core_of(shape: int, pose: t.transform, center: t.vec3, q: t.quat, arm: t.vec3, n: t.vec3, rig: Rig):
+        """(core, rim) of a point, from the centre of its frame, whose orientation is q; pose: of the shape; arm: the point from
+        the centre; n: to the outside. Exactly on the axis where it is but for rounding, which would brake what rolls."""
+        core = wp.quat_rotate_inv(q, arm)
+        rim = real(0.0)
+        if rig.s.kind[shape] == CYLINDER or rig.s.kind[shape] == CONE:
+            z = wp.quat_rotate(wp.transform_get_rotation(pose), t.vec3(real(0.0), real(0.0), real(1.0)))
+            across = n - wp.dot(n, z) * z
+            if wp.length(across) > real(FLAT):
+                e = wp.normalize(across)
+                d = arm - (wp.transform_get_translation(pose) - center)
+                height = wp.dot(d, z)
+                d -= height * z
+                along = wp.dot(d, e)
+                if along > real(ROUND) * wp.length(d):
+                    rim = along
+                    core = wp.quat_rotate_inv(q, arm - rim * e)
+                    if wp.length(d - rim * e) < real(AXIS) * rim:
+                        core = wp.transform_point(rig.s.place[shape], t.vec3(real(0.0), real(0.0), height))
+        return core, rim
 
     @wp.func
     def point(m: int, i: int, x: t.vec3, gap: real, row: int, posed: Posed, last: Last, rig: Rig):
@@ -174,8 +217,19 @@ def writing(real) -> SimpleNamespace:
         rig.c.gap[j] = gap
         rig.c.first_a[j] = arm_a
         rig.c.first_b[j] = arm_b
-        rig.c.core_a[j] = wp.quat_rotate_inv(posed.q_a, arm_a)
-        rig.c.core_b[j] = wp.quat_rotate_inv(posed.q_b, arm_b)
+        core_a, rim_a = core_of(rig.c.a[m], posed.pose_a, t.vec3(), posed.q_a, arm_a, -n, rig)
+        core_b, rim_b = core_of(rig.c.b[m], posed.pose_b, posed.x_b, posed.q_b, arm_b, n, rig)
+        rig.c.rim[j] = t.vec2(rim_a, rim_b)
+        rig.c.core_a[j] = core_a
+        rig.c.core_b[j] = core_b
         recalled(m, j, row, last, rig)
 
-    return SimpleNamespace(known=known, point=point)
+    @wp.func
+    def poses(m: int, posed: Posed, rig: Rig):
+        """Notes for which poses row m is made."""
+        rig.c.from_a[m] = posed.from_a
+        rig.c.from_b[m] = posed.from_b
+        rig.c.turn_a[m] = posed.q_a
+        rig.c.turn_b[m] = posed.q_b
+
+    return SimpleNamespace(known=known, point=point, poses=poses)

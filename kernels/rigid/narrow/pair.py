@@ -12,13 +12,13 @@ from itertools import combinations_with_replacement
 
 import warp as wp
 
-from wsim.kernels.contact.shape import BOX, CAPSULE, PLANE, SPHERE, distance
+from wsim.kernels.contact.shape import BOX, CAPSULE, CONE, CYLINDER, PLANE, SPHERE, distance
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.lists.manifold import making, manifold
 from wsim.kernels.rigid.narrow.box import box
 from wsim.kernels.rigid.narrow.capsule import box_capsule, capsules
-from wsim.kernels.rigid.narrow.clip import contact, structs
+from wsim.kernels.rigid.narrow.clip import ALIGNED, contact, structs
 from wsim.kernels.rigid.narrow.face import face
 from wsim.kernels.rigid.narrow.feature import features
 from wsim.kernels.rigid.narrow.gjk import apart
@@ -103,7 +103,12 @@ def completion(kinds: frozenset[str], real, outer: bool = False):
     radius, size = extent(real)
     place, touch, room = face(kinds, real), contact(real, corners, outer), 4 * corners
     vec3, Nearest = t.vec3, of.Nearest
-    hull, key_of = "hull" in kinds, features(real)
+    hull, key_of, rolls = "hull" in kinds, features(real), bool({"cylinder", "cone"} & kinds)
+
+    @wp.func
+    def is_round(kind: int):
+        """Whether it has a line or a rim that lies where the normal says: on a face, along the normal of that."""
+        return kind == CYLINDER or kind == CONE
 
     @wp.func
     def completed(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, near: Nearest, margin: real):
@@ -116,7 +121,14 @@ def completion(kinds: frozenset[str], real, outer: bool = False):
             sa.r = radius(a)
             sb.r = radius(b)
             count_a, number_a, f_a = place(a, H, -near.n, PA)
-            count_b, number_b, f_b = place(b, H, wp.transpose(R) * near.n, PB)
+            d_b = near.n
+            if rolls:
+                if is_round(b.kind) and wp.dot(f_a, near.n) < -real(ALIGNED):
+                    d_b = -f_a
+            count_b, number_b, f_b = place(b, H, wp.transpose(R) * d_b, PB)
+            if rolls:
+                if is_round(a.kind) and wp.dot(R * f_b, near.n) > real(ALIGNED):
+                    count_a, number_a, f_a = place(a, H, -(R * f_b), PA)
             sa.count = count_a
             sa.number = number_a
             sa.f = f_a

@@ -97,7 +97,7 @@ def measure(name: str, args, device) -> dict:
     standing = name != "pile"
     return {"scene": name, "device": str(device), "bodies": len(method.bodies), "form": contacts.form.name,
             "substeps": sim.plan.clock.substeps, "sweeps": contacts.sweeps, "median_ms": float(np.median(times)),
-            "least_ms": min(times), "cpu_ms": 1e3 * cpu, "ready_s": ready, "pairs": int(contacts.first.numpy()[-1]),
+            "least_ms": min(times), "cpu_ms": 1e3 * cpu, "ready_s": ready, "pairs": int(contacts.broad.first.numpy()[-1]),
             "manifolds": int((contacts.list.count.numpy() > 0).sum()), "colours": int(contacts.work.colours.numpy()[0]),
             "in_turn": contacts.in_turn, "sag_mm": 1e3 * float(before - seen[top, 1, 3]) if standing else None,
             "speed_m_s": float(np.linalg.norm(method.velocities(), axis=1).max()), "overlap_mm": 1e3 * contacts.overlap(),

@@ -70,7 +70,7 @@ class Form:
         self.meet = meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
         self.sizes = sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
         self.module = module = model.module_of(THREADS) if self.wide else model.module
-        self.kinds = [soft_step.contact_kind(real, self.coloured)]
+        self.kinds = [soft_step.contact_kind(real, self.coloured, self.tolerance > 0.0)]
         if self.coloured:
             self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
         if self.tolerance > 0.0 and model.gradients:
@@ -116,16 +116,18 @@ class Form:
             self.launch(self.kernels["colours"], [self.threads, rig], [serial])
 
     def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
-        """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps; joints: their struct, where there are some."""
+        """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps; joints: their struct, where there are some. Manifolds are
+        prepared, unless steps[0] is 0, where a frame begins."""
         if self.tolerance > 0.0:
             self.launch(self.kernels["converged"], [wp.vec3i(*steps), h, self.threads, self.tolerance, rig], [])
             return
         if self.name != "launches":
             self.launch(self.kernels["substeps"], [wp.vec3i(*steps), h, self.threads, rig, *joints], [])
             return
-        self.walk("placed", steps[0], rig)
-        self.link("lined", steps[0], rig, *joints)
-        self.prepare(steps[0], rig)
+        if steps[0] == 0:
+            self.walk("placed", 0, rig)
+            self.link("lined", 0, rig, *joints)
+            self.prepare(0, rig)
         for k in range(steps[0], steps[1]):
             if "thrown" in self.kernels:
                 self.launch(self.kernels["thrown"], [self.threads, k, h, rig], [])
@@ -165,14 +167,14 @@ class Form:
                 self.model.launch(getattr(kernels, name), self.walkers, [colour, self.walkers, k, h, biased, rig], [])
             self.launch(getattr(kernels, f"rest_{name}"), [self.threads // self.blocks, k, h, biased, rig], [], 1)
 
-    def launches(self, steps: int, sweeps: int, times: int) -> int:
-        """Number of launches of a frame of so many substeps, in which manifolds are made so many times."""
+    def launches(self, steps: int, sweeps: int) -> int:
+        """Number of launches of a frame of so many substeps."""
         if self.name != "launches":
-            return (1 + self.coloured) * times
+            return (1 + self.coloured) * steps
         kinds = len(self.of)
-        more = bool(self.islands) * (times + steps * (5 + sweeps))
-        return more + times * (2 + kinds) + steps * (2 + kinds + ("thrown" in self.kernels)
-                                              + kinds * (sweeps + 2) * (launches.LAUNCHED + 1))
+        more = bool(self.islands) * (1 + steps * (5 + sweeps))
+        return more + 2 + kinds + steps * (3 + kinds + ("thrown" in self.kernels)
+                                          + kinds * (sweeps + 2) * (launches.LAUNCHED + 1))
 
 
 def chosen(device, shapes: int) -> Form:

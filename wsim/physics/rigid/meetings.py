@@ -18,6 +18,12 @@ def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]
         (one, "mesh") for one in mine if "mesh" in still)
 
 
+def seams(scene) -> frozenset[str]:
+    """Kinds of colliders that may lie flush beside another; none where one stands alone, or in the converged mode."""
+    found = [met.kind for c in standing(scene.colliders) if (met := as_met(c, False)) is not None]
+    return frozenset(found) - {"plane"} if len(found) > 1 and not scene.contact_tolerance else frozenset()
+
+
 def bounces(scene) -> bool:
     """True if something has a restitution."""
     own = [c for body in scene.things("Body") for c in meeting(body)]

@@ -5,7 +5,8 @@
     impact           u_n' - u_n - (1 + e) U = 0; bodies go back by the time until then
 
 f of a point: its impulse along n, and along two tangents of n. pose, then: x, theta of a, and of b, as in
-wsim/physics/rigid/recorded/joint_formulas.py. geo (22) of a point: n, core_a, core_b, first_a, first_b, gap, from_a, from_b.
+wsim/physics/rigid/recorded/joint_formulas.py. geo (24) of a point: n, core_a, core_b, first_a, first_b, gap, from_a, from_b,
+rim of both.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,16 @@ from wsim.physics.rigid.recorded.rotation import acted, back, length, matrix, tu
 
 NONE, STICKS, SLIPS = 0, 1, 2
 GEO = {"n": slice(0, 3), "core_a": slice(3, 6), "core_b": slice(6, 9), "first_a": slice(9, 12), "first_b": slice(12, 15),
-       "gap": slice(15, 16), "from_a": slice(16, 19), "from_b": slice(19, 22)}
+       "gap": slice(15, 16), "from_a": slice(16, 19), "from_b": slice(19, 22), "rim": slice(22, 24)}
+
+
+@dataclass
+class Surface:
+    """Shapes of points: skin (points, 2) [m]; axis and center of each shape in its body's frame, (points, 2, 3)."""
+
+    skin: np.ndarray
+    axis: np.ndarray
+    center: np.ndarray
 
 
 @dataclass
@@ -40,12 +50,21 @@ def tangents(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return t, np.cross(n, t)
 
 
-def touching(pose: np.ndarray, geo: np.ndarray, q: tuple, skin: np.ndarray, mass: np.ndarray) -> Touching:
+def across(R: np.ndarray, axis: np.ndarray, n: np.ndarray, rolls: np.ndarray) -> np.ndarray:
+    """e of kernels/rigid/contact.py, (..., 3); 0 where nothing rolls."""
+    z = acted(R, axis)
+    d = n - (n * z).sum(-1)[..., None] * z
+    return np.where(rolls[..., None], d / length(np.where(rolls[..., None], d, np.ones(3)))[..., None], 0.0)
+
+
+def touching(pose: np.ndarray, geo: np.ndarray, q: tuple, surface: Surface, mass: np.ndarray) -> Touching:
     g = {name: geo[..., s] for name, s in GEO.items()}
-    n, sides = g["n"], []
+    n, skin, sides = g["n"], surface.skin, []
     for s, side in enumerate("ab"):
         R = matrix(turned(q[s], pose[..., 6 * s + 3:6 * s + 6]))
-        arm = acted(R, g[f"core_{side}"])
+        rim = g["rim"][..., s]
+        out = across(R, surface.axis[:, s], n, rim.real > 0.0) * rim[..., None]
+        arm = acted(R, g[f"core_{side}"]) + (out if s else -out)
         way = pose[..., 6 * s:6 * s + 3] - g[f"from_{side}"] + arm - g[f"first_{side}"]
         sides.append((arm, way, (R * mass[..., None, 4 * s + 1:4 * s + 4]) @ np.swapaxes(R, -1, -2)))
     (arm_a, way_a, S_a), (arm_b, way_b, S_b) = sides
@@ -80,13 +99,13 @@ def response(t: Touching, mass: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Points:
-    """Constants of all points in a substep: skin (points, 2) [m], given (points, 12); pushes (points,): what has an impulse
-    along n; way (points,): NONE, STICKS or SLIPS."""
+    """Constants of all points in a substep: given (points, 12); pushes (points,): what has an impulse along n; way (points,):
+    NONE, STICKS or SLIPS."""
 
     h: float
     q: tuple[np.ndarray, np.ndarray]
     Q: tuple[np.ndarray, np.ndarray]
-    skin: np.ndarray
+    surface: Surface
     given: np.ndarray
     pushes: np.ndarray
     way: np.ndarray
@@ -108,14 +127,14 @@ class Points:
 
     def held(self, v: Values) -> Values:
         """impulse (12) and rest (3), of pose, momentum, f, geo, mass, mu."""
-        t, f = touching(v["pose"], v["geo"], self.q, self.skin, v["mass"]), v["f"]
+        t, f = touching(v["pose"], v["geo"], self.q, self.surface, v["mass"]), v["f"]
         u = slip(t, v["momentum"], v["mass"], self.given)
         along = np.where(self.pushes, u[..., 0] + self.bias(t, v["mass"], f[..., 0]), f[..., 0])
         return {"impulse": impulse(t, f), "rest": np.concatenate([along[..., None], self.rubbed(f, u, v["mu"])], axis=-1)}
 
     def loosed(self, v: Values) -> Values:
         """The same behind the places, of then, momentum, f, before, geo, mass, mu."""
-        t, f = touching(v["then"], v["geo"], self.Q, self.skin, v["mass"]), v["f"]
+        t, f = touching(v["then"], v["geo"], self.Q, self.surface, v["mass"]), v["f"]
         u = slip(t, v["momentum"], v["mass"], self.given)
         far = np.where(t.gap.real > 0.0, t.gap / self.h, 0.0)
         along = np.where(self.pushes, u[..., 0] + far, f[..., 0])
@@ -124,7 +143,7 @@ class Points:
 
     def thrown(self, v: Values) -> Values:
         """Residual of an impact: pose, entering (momenta before), momentum, f, geo, mass, mu, force (6), e (1)."""
-        t, f = touching(v["pose"], v["geo"], self.q, self.skin, v["mass"]), v["f"]
+        t, f = touching(v["pose"], v["geo"], self.q, self.surface, v["mass"]), v["f"]
         u = slip(t, v["momentum"], v["mass"], self.given)
         before = slip(t, v["entering"], v["mass"], self.given)[..., 0]
         pull = v["mass"][..., :1] * v["force"][..., :3] - v["mass"][..., 4:5] * v["force"][..., 3:]
@@ -141,12 +160,16 @@ class Points:
                 "shift": np.concatenate([way[0], turn[0], way[1], turn[1]], axis=-1)}
 
 
-def made(v: Values, q: tuple[np.ndarray, np.ndarray], skin: np.ndarray, apart: np.ndarray) -> Values:
-    """geo of points as their manifold is made, of n (3), x (3) (the midpoint from where a's centre stands), gap, pose; apart:
-    b's centre from a's, (points, 3) [m] (kernels/rigid/lists/rows.py)."""
-    n, half, p = v["n"], 0.5 * v["gap"], v["pose"]
-    arm_a = v["x"] + (half + skin[:, :1]) * n - p[..., :3]
-    arm_b = v["x"] - (half + skin[:, 1:]) * n - apart - p[..., 6:9]
-    R_a, R_b = (matrix(turned(q[s], p[..., 6 * s + 3:6 * s + 6])) for s in (0, 1))
-    return {"geo": np.concatenate([n, back(R_a, arm_a), back(R_b, arm_b), arm_a, arm_b, v["gap"], p[..., :3], p[..., 6:9]],
-                                  axis=-1)}
+def made(v: Values, q: tuple[np.ndarray, np.ndarray], surface: Surface, rolls: np.ndarray, apart: np.ndarray) -> Values:
+    """geo of points as their manifold is made, of n (3), x (3) (the midpoint from where a's centre stands), gap, pose; rolls
+    (points, 2): those with a rim; apart: b's centre from a's, (points, 3) [m] (kernels/rigid/lists/rows.py)."""
+    n, half, p, skin = v["n"], 0.5 * v["gap"], v["pose"], surface.skin
+    arms = (v["x"] + (half + skin[:, :1]) * n - p[..., :3], v["x"] - (half + skin[:, 1:]) * n - apart - p[..., 6:9])
+    cores, rims = [], []
+    for s, arm in enumerate(arms):
+        R = matrix(turned(q[s], p[..., 6 * s + 3:6 * s + 6]))
+        out = across(R, surface.axis[:, s], n, rolls[:, s]) * (1.0 if s else -1.0)
+        rim = (out * (arm - acted(R, surface.center[:, s]))).sum(-1)[..., None]
+        cores.append(back(R, arm - rim * out))
+        rims.append(rim)
+    return {"geo": np.concatenate([n, *cores, *arms, v["gap"], p[..., :3], p[..., 6:9], *rims], axis=-1)}

@@ -1,6 +1,6 @@
 """What contacts do in each substep of a recording, solved to a residual, and its adjoint (contact_formulas.py beside this).
 
-Manifolds are made anew each frame; how they change with the poses of their bodies (normals, places, gaps) is found by
+Manifolds are made anew in each substep; how they change with the poses of their bodies (normals, places, gaps) is found by
 differences of order 4 of the narrow phase itself, pair by pair: 1e-10 of a size.
 """
 
@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.rotation import conjugate, multiply, normalized
+from wsim.geometry.rotation import conjugate, multiply, normalized, rotate
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists.slopes import SAMPLES, slopes
 from wsim.model.stage import Clock
-from wsim.physics.rigid.recorded.contact_formulas import NONE, SLIPS, STICKS, Points, made, tangents
+from wsim.physics.rigid.recorded.contact_formulas import NONE, SLIPS, STICKS, Points, Surface, made, tangents
 from wsim.physics.rigid.recorded.joints import taken_back
 from wsim.physics.rigid.recorded.local import Values, derivatives, residual
 from wsim.physics.rigid.recorded.substep import Bodies, Cotangents, Elements, behind, within
@@ -22,7 +22,7 @@ from wsim.scene.values.coverage import refuse
 
 STEP = 1.0e-4              # of sizes, and [rad], of differences
 MOST = 64                  # rounds of impacts
-LIST = ("n", "skin", "core_a", "core_b", "first_a", "first_b", "gap")
+LIST = ("n", "skin", "core_a", "core_b", "first_a", "first_b", "gap", "from_a", "from_b", "rim")
 FOUR = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0              # weights of -2, -1, 1, 2 steps
 
 
@@ -36,12 +36,12 @@ def turn(before: np.ndarray, after: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Manifolds:
-    """Points of a list: rows (points,) of it and places of four in each, frames (points, 2); geo (points, 22)."""
+    """Points of a list: rows (points,) of it and places of four in each, frames (points, 2); geo (points, 24)."""
 
     at: np.ndarray
     frames: np.ndarray
     shapes: np.ndarray
-    skin: np.ndarray
+    surface: Surface
     geo: np.ndarray
     k: int
     x: np.ndarray                                  # of bodies where it was made
@@ -57,8 +57,6 @@ class ContactParts:
         self.kernels = self.form.kernels["parts"]
         model, c = recorded.model, self.contacts
         self.slopes = slopes(c.pairs, model.real, model.module)
-        self.made: Manifolds | None = None
-        self.geometry: dict[int, np.ndarray] = {}
 
     # forward
 
@@ -68,21 +66,17 @@ class ContactParts:
 
     def step(self, clock: Clock, kept: dict | None) -> None:
         """A substep; kept: what its adjoint asks for, or None."""
-        c, ends = self.contacts, self.contacts.ends(clock)
-        first = clock.k in ends[:-1]
-        if first:
-            if clock.k == 0:
-                c.work.residual.zero_()
-            c.manifolds(clock, clock.k, ends[ends.index(clock.k) + 1])
+        c = self.contacts
+        if clock.k == 0:
+            c.work.residual.zero_()
+        c.renew(clock, clock.k)
         if kept is None:
             for part in (0, *[1] * (MOST * c.bouncing), 2, 3):
                 self.launch(part, clock)
         else:
-            if first or self.made is None:
-                self.made = self.listed(clock.k)
-            kept |= {"made": self.made, "first": first, "k": clock.k, "still": (self.still(clock.k), self.still(clock.k + 1))}
+            kept |= {"made": self.listed(clock.k), "k": clock.k, "still": (self.still(clock.k), self.still(clock.k + 1))}
             self.looked(clock, kept)
-        if clock.k + 1 in ends[1:]:
+        if clock.k + 1 == clock.substeps:
             c.keep()
 
     def looked(self, clock: Clock, kept: dict) -> None:
@@ -124,10 +118,12 @@ class ContactParts:
         shapes = np.stack([arrays["a"][at // 4], arrays["b"][at // 4]], axis=1)
         own = {name: getattr(c.list, name).numpy().astype(np.float64) for name in LIST}
         frames = c.table.frame.numpy()[shapes]
-        from_x = c.work.from_x.numpy().astype(np.float64)
         geo = np.concatenate([own["n"][at // 4], *(own[name][at] for name in LIST[2:6]), own["gap"][at][:, None],
-                              from_x[frames[:, 0]], from_x[frames[:, 1]]], axis=1)
-        return Manifolds(at, frames, shapes, own["skin"][at // 4], geo, k, state.x, state.q, arrays)
+                              own["from_a"][at // 4], own["from_b"][at // 4], own["rim"][at]], axis=1)
+        place = c.table.place.numpy().astype(np.float64)[shapes]
+        z = rotate(place[..., 3:], np.broadcast_to([0.0, 0.0, 1.0], place[..., :3].shape))
+        surface = Surface(own["skin"][at // 4], z, place[..., :3])
+        return Manifolds(at, frames, shapes, surface, geo, k, state.x, state.q, arrays)
 
     # backward
 
@@ -154,7 +150,7 @@ class ContactParts:
         q, Q = self.sides(kept["begin"].q, first["q"], m), self.sides(kept["end"].q, last["q"], m)
         zero = np.zeros((self.n, 6))
         given = np.concatenate(self.sides(zero, np.concatenate([first["v"], first["omega"]], axis=1), m), axis=1)
-        return Points(h, (q[0], q[1]), (Q[0], Q[1]), m.skin, given, pushes, way)
+        return Points(h, (q[0], q[1]), (Q[0], Q[1]), m.surface, given, pushes, way)
 
     def elements(self, name: str, h: float, kept: dict, f: np.ndarray, values: Values, some: np.ndarray) -> Elements:
         """Elements of a part of a substep; some (points,): those that may act."""
@@ -203,14 +199,14 @@ class ContactParts:
     def take(self, kept: dict, cot: Cotangents) -> None:
         """The cotangents of points, as they were made, go to the poses of then."""
         m = kept["made"]
-        found = self.geometry.setdefault(id(m), np.zeros_like(m.geo))
+        found = np.zeros_like(m.geo)
         for name in ("held", "loosed", "thrown"):
-            found += cot.by.pop((name, "geo"), 0.0)
+            found = found + cot.by.pop((name, "geo"), 0.0)
             for part in ("mass", "mu", "force", "e"):
                 if (name, part) in cot.by:
                     self.shares(name, part, cot.by.pop((name, part)), m, cot)
-        if kept["first"] and len(m.at):
-            by = np.einsum("eoi,eo->ei", self.moved(m, kept), self.geometry.pop(id(m)))
+        if len(m.at):
+            by = np.einsum("eoi,eo->ei", self.moved(m, kept), found)
             for s in (0, 1):
                 on = m.frames[:, s] < self.n
                 np.add.at(cot.pose, m.frames[on, s], by[on, 6 * s:6 * s + 6])
@@ -236,7 +232,7 @@ class ContactParts:
         cot.add("restitution", shapes)
 
     def moved(self, m: Manifolds, kept: dict) -> np.ndarray:
-        """Derivatives (points, 22, 12) of geo by the poses of both bodies where manifolds were made."""
+        """Derivatives (points, 24, 12) of geo by the poses of both bodies where manifolds were made."""
         c, real = self.contacts, self.recorded.model.real
         t, device, room = types(real), c.device, c.room
         narrow = self.sampled(m, room, t, real, device)
@@ -245,9 +241,9 @@ class ContactParts:
         origin = c.table.origin.numpy()[m.frames]
         x = self.sides(m.x, kept["still"][0]["x"], m)
         apart = origin[:, 1] + x[1] - origin[:, 0] - x[0]
-        mid = m.geo[:, GEO_FIRST_A] - (0.5 * m.geo[:, 15:16] + m.skin[:, :1]) * m.geo[:, :3]
+        mid = m.geo[:, GEO_FIRST_A] - (0.5 * m.geo[:, 15:16] + m.surface.skin[:, :1]) * m.geo[:, :3]
         values = {"n": m.geo[:, :3], "x": mid, "gap": m.geo[:, 15:16], "pose": np.zeros((len(m.at), 12))}
-        J = derivatives(lambda v: made(v, (q[0], q[1]), m.skin, apart), values)
+        J = derivatives(lambda v: made(v, (q[0], q[1]), m.surface, m.geo[:, 22:24] > 0.0, apart), values)
         own = np.concatenate([J["geo", "n"], J["geo", "x"], J["geo", "gap"]], axis=2)
         return J["geo", "pose"] + own @ d
 

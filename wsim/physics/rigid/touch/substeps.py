@@ -40,11 +40,9 @@ class Substeps:
         return [wp.vec3i(clock.k, clock.k + 1, own.sweeps), clock.h, self.form.threads, own.rig()]
 
     def begin(self, clock: Clock) -> None:
-        """Forces on bodies; manifolds where it is time for them."""
+        """Forces on bodies; manifolds."""
         own, k = self.rigid.contacts, clock.k
-        ends = own.ends(clock)
-        if k in ends[:-1]:
-            own.manifolds(clock, k, ends[ends.index(k) + 1])
+        own.renew(clock, k)
         self.form.launch(self.step[0], self.steps(clock), [])
         self.joined(clock, lined=k, reset=(k, clock.h))
         self.joined(clock)
@@ -66,5 +64,5 @@ class Substeps:
         self.joined(clock)
         self.form.launch(self.step[2], self.steps(clock), [])
         self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
-        if clock.k + 1 in own.ends(clock):
+        if clock.k + 1 == clock.substeps:
             own.keep()

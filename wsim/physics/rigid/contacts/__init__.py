@@ -1,9 +1,10 @@
 """Contacts of rigid bodies with each other and with colliders: tables of shapes, lists that grow, and the launches of a frame.
 
-Manifolds are made at least COLLIDE times a second, by balls that may meet, then pair by pair (kernels/rigid/lists), and
-the substeps until the next time are passes over bodies and manifolds (kernels/rigid/passes.py), in the form that device and
-size ask for (wsim/physics/rigid/forms.py). Impulses that substeps begin with are a part of the state, so that a repeated frame
-and a restart have them. Friction is the mean of both colliders, restitution the larger.
+Pairs that may meet are listed LISTED times a second, and as soon as a body goes farther than the list allows for. In every
+substep, manifolds that their bodies' motion has made stale are made again (kernels/rigid/lists), and passes over bodies and
+manifolds follow (kernels/rigid/passes.py), in the form that device and size ask for (wsim/physics/rigid/forms.py). Impulses
+that substeps begin with are a part of the state, so that a repeated frame and a restart have them. Friction is the mean of both
+colliders, restitution the larger.
 """
 
 from math import ceil
@@ -16,18 +17,19 @@ from wsim.geometry.rotation import angular_velocity, quaternion
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid import contact
 from wsim.kernels.rigid.kinds import SERIAL
-from wsim.kernels.rigid.lists import collide, collide_mesh, pairs, rows
+from wsim.kernels.rigid.lists import collide, collide_mesh, flush, rows
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid import forms, surfaces
-from wsim.physics.rigid.meetings import bounces, kinds, places_of, put
+from wsim.physics.rigid.contacts.pair_list import PairList
+from wsim.physics.rigid.meetings import bounces, kinds, places_of, put, seams
 from wsim.physics.rigid.solids import as_met, meeting, standing
 from wsim.scene import Collider
 
-COLLIDE = 60.0               # [1/s]: a ball at 5 m/s goes 8 cm meanwhile
+LISTED = 60.0                # [1/s]: seldom enough for a pile at rest, often enough that few pairs are listed which never meet
 WORD, IN_TURN = "rigid pairs", "rigid manifolds without a colour"
 PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field("b", "", True, "the other", "int"),
          Field("count", "", True, "its points", "int"), Field("colour", "", True, "its colour, -1 for none", "int"))
@@ -44,6 +46,7 @@ class Contacts:
         self.real, self.device = b.model.real, b.model.device
         self.owners = [(k, world, c) for k, (body, world) in enumerate(method.bodies) for c in meeting(body)]
         self.still_first = len(method.bodies)
+        self.frames = self.still_first + len(self.colliders)
         self.bouncing, self.sweeps = bounces(b.scene), b.scene.iterations
         self.moves = any(c.motion.moves for c in self.colliders)
         self._shapes()
@@ -52,14 +55,14 @@ class Contacts:
             from wsim.physics.rigid.joints.filters.groups import of_contacts
             self.filters = of_contacts(b.scene, [(method.bodies[k][0].path, of, c.path) for k, of, c in self.owners])
         real, module = self.real, b.model.module
-        filtered = self.filters is not None
-        self.reach, self.listed = pairs.reach(real, module, filtered), pairs.listed(real, module, filtered)
         self.keeping = rows.keeping(real, module)
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.pairs = frozenset(p for p in met if p[1] != "mesh")
         self.collide = collide.collide(self.pairs, real, module)
         self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
+        tiles = seams(b.scene)
+        self.flush = flush.flush(tiles - {"mesh"}, real, module) if tiles else []
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
         if method.sleep:
@@ -69,7 +72,7 @@ class Contacts:
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
                       Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
         b.state.add(*self.parts)
-        self._boxes()
+        self.broad = PairList(self, module)
         self._lists(self._room())
         self._empty(0)
         self.poses_of: tuple = ()
@@ -113,42 +116,30 @@ class Contacts:
 
     def _lists(self, room: int) -> None:
         """Arrays for so many pairs, and those of bodies and shapes."""
-        t, real, n = types(self.real), self.real, self.still_first + len(self.colliders)
+        t, real, n = types(self.real), self.real, self.frames
 
         def zeros(length, dtype):
             return wp.zeros(length, dtype=dtype, device=self.device)
         self.room = room
         self.list = filled(self.Contacts, n=zeros(room, t.vec3), skin=zeros(room, t.vec2), key=zeros(4 * room, int),
                            gap=zeros(4 * room, real), push=zeros(4 * room, real), rub=zeros(4 * room, t.vec3),
+                           rim=zeros(4 * room, t.vec2),
                            **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
+                           **{name: zeros(room, t.vec3) for name in ("from_a", "from_b")},
+                           **{name: zeros(room, t.quat) for name in ("turn_a", "turn_b")},
                            **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b")})
-        self.work = filled(self.Work, **self.seen, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33), p0=zeros(n, t.vec3),
-                           L0=zeros(n, t.vec3), touched=zeros(n, int), given=zeros(n, wp.float64), r_a=zeros(4 * room, t.vec3),
-                           r_b=zeros(4 * room, t.vec3), now=zeros(4 * room, real), K=zeros(4 * room, t.vec3),
-                           A=zeros(room, t.mat44), scrape=zeros(4 * room, t.vec3),
-                           goal=zeros(4 * room, real), hit=zeros(4 * room, real), when=zeros(4 * room, real),
-                           order=zeros(room, int), starts=zeros(SERIAL + 2, int), place=zeros(SERIAL + 2, int),
-                           colours=zeros(1, int), flags=zeros(2, int), taken=zeros(n, wp.int64), first=zeros(n, int))
-        self.work.listed = self.first[len(self.owners) - 1:]
+        self.work = filled(self.Work, **self.broad.arrays, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
+                           **{name: zeros(4 * room, t.vec3) for name in ("r_a", "r_b", "K", "scrape")},
+                           **{name: zeros(4 * room, real) for name in ("now", "goal", "hit", "when")},
+                           **{name: zeros(n, t.vec3) for name in ("p0", "L0")},
+                           **{name: zeros(n, int) for name in ("touched", "first")},
+                           **{name: zeros(room, int) for name in ("renewed", "order")},
+                           **{name: zeros(SERIAL + 2, int) for name in ("starts", "place")},
+                           A=zeros(room, t.mat44), given=zeros(n, wp.float64), taken=zeros(n, wp.int64),
+                           colours=zeros(1, int), flags=zeros(2, int))
         self.work.residual = zeros(2, real)
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
             setattr(self.work, name, array)
-
-    def _boxes(self) -> None:
-        """Trees of the broad phase, and where shapes are: built anew whenever manifolds are made, of colliders if they move."""
-        t, n, mine = types(self.real), self.still_first + len(self.colliders), len(self.owners)
-
-        def zeros(length, dtype):
-            return wp.zeros(length, dtype=dtype, device=self.device)
-        low, high, up = (zeros(self.shapes, wp.vec3f) for _ in range(3))
-        self.bvh = wp.Bvh(low[:mine], high[:mine])
-        endless = np.flatnonzero(self.table.ball.numpy() < 0.0).astype(np.int32)
-        self.bvh_still = wp.Bvh(low[mine:], high[mine:]) if self.shapes - mine > len(endless) else None
-        more = {n: wp.array(v, dtype=int, device=self.device) for n, v in (self.filters.tables if self.filters else {}).items()}
-        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, still=self.bvh_still.id if self.bvh_still else 0,
-                           low=low, high=high, up=up, endless=wp.array(endless, dtype=int, device=self.device))
-        self.seen = {"center": zeros(self.shapes, wp.vec3d), "span": zeros(self.shapes, t.vec2), "from_x": zeros(n, t.vec3)}
-        self.number, self.first = zeros(mine, int), zeros(mine, int)
 
     def _empty(self, first: int) -> None:
         """No pairs from this row on, and in the snapshot; rows of the parts are those of the first body, for a restart."""
@@ -182,14 +173,7 @@ class Contacts:
         for name, value in zip(("x", "q", "v", "omega"), values, strict=True):
             getattr(self.still, name).assign(np.ascontiguousarray(value, self.model.dtype))
         if not moves:
-            self._stand(0, 0.0)
-
-    def _stand(self, k: int, time: float) -> None:
-        """Where colliders are at substep k, and how far they go within a time [s]."""
-        mine = len(self.owners)
-        self.model.launch(self.reach, self.shapes - mine, [self.rig(), mine, k, time], [self.tree])
-        if self.bvh_still:
-            self.bvh_still.rebuild()
+            self.broad.place_colliders(0, 0.0)
 
     def advance(self, clock: Clock) -> None:
         """All substeps of a frame."""
@@ -203,29 +187,33 @@ class Contacts:
         """A frame in which something may move."""
         if self.form.tolerance > 0.0:
             self.work.residual.zero_()
-        ends = self.ends(clock)
-        for first, last in zip(ends[:-1], ends[1:], strict=True):
-            self.manifolds(clock, first, last)
+        for k in range(clock.substeps):
+            self.renew(clock, k)
             joints = self.method.joints
             sweeps, more = (joints.sweeps, [joints.with_contacts(self.work)]) if joints else (self.sweeps, [])
-            self.form.advance((first, last, sweeps), clock.h, self.rig(), *more)
-            if self.method.sleep:
-                self.method.sleep.end(self.room, self.rig())
-            self.keep()
+            self.form.advance((k, k + 1, sweeps), clock.h, self.rig(), *more)
+        self.keep()
 
     def ends(self, clock: Clock) -> list[int]:
-        """Substeps before which manifolds are made, and the number of substeps."""
-        times = max(1, min(clock.substeps, ceil(clock.dt * COLLIDE - 1e-6)))
+        """Substeps before which pairs are listed, and the number of substeps."""
+        times = clock.substeps if self.exact else max(1, min(clock.substeps, ceil(clock.dt * LISTED - 1e-6)))
         return [round(i * clock.substeps / times) for i in range(times + 1)]
 
+    @property
+    def exact(self) -> bool:
+        """The converged mode: all manifolds are made in every substep, for the poses where it begins."""
+        return self.form.tolerance > 0.0
+
     def keep(self) -> None:
-        """Puts the list into the state."""
+        """Puts the list into the state, of all bodies, also of those asleep."""
+        if self.method.sleep:
+            self.method.sleep.end(self.room, self.rig())
         self.model.launch(self.keeping, self.room, [self.list], [filled(rows.lasts(self.real), **self.arrays())])
 
     def launches(self, clock: Clock) -> int:
         times = len(self.ends(clock)) - 1
-        made = 7 + bool(self.on_meshes) + 2 * self.moves + 2 * bool(self.method.sleep)
-        return made * times + self.form.launches(clock.substeps, self.sweeps, times)
+        listed = 7 + 2 * self.moves + 2 * bool(self.method.sleep)
+        return listed * times + (1 + bool(self.on_meshes)) * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
 
     def set(self, path: str, name: str, value, world: int | None) -> bool:
         return put(self, path, name, value, world)
@@ -234,24 +222,33 @@ class Contacts:
         """Arrays of the state: the last list."""
         return {name: array for part in self.parts for name, array in part.arrays.items()}
 
-    def manifolds(self, clock: Clock, first: int, last: int) -> None:
-        """Manifolds of substeps first .. last, with their colours."""
-        launch, rig, n = self.model.launch, self.rig(), len(self.owners)
-        if self.moves:
-            self._stand(first, clock.h * (last - first))
-        launch(self.reach, n, [rig, 0, first, clock.h * (last - first)], [self.tree])
-        self.bvh.rebuild()
-        for write in (0, 1):
-            launch(self.listed, n, [rig, self.tree, self.first, write], [self.number, self.status.word(WORD)])
-            if not write:
-                wp.utils.array_scan(self.number, self.first, True)
-        before = filled(rows.lasts(self.real), **self.arrays())
-        launch(self.collide, self.room, [rig, self.hulls, first, before], [])
+    def renew(self, clock: Clock, k: int) -> None:
+        """Manifolds of substep k, with their colours: those that are stale, all where pairs are listed."""
+        launch, rig, ends, sleep = self.model.launch, self.rig(), self.ends(clock), self.method.sleep
+        listing = k in ends[:-1]
+        time = clock.h * (ends[ends.index(k) + 1] - k) if listing else clock.dt / (len(ends) - 1)
+        if listing:
+            if k > 0:
+                self.keep()
+            self.broad.list_pairs(k, time, self.status.word(WORD))
+        else:
+            wp.capture_if(self.work.strayed, self.list_anew, k=k, time=time)
+        before, h = filled(rows.lasts(self.real), **self.arrays()), 0.0 if self.exact else clock.h
+        launch(self.collide, self.room, [rig, self.hulls, k, h, before], [])
         if self.on_meshes:
-            launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, first, before], [])
-        if self.method.sleep:
-            self.method.sleep.settle(first, clock.h * (last - first), rig)
+            launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, k, h, before], [])
+        for kernel in self.flush:
+            launch(kernel, self.room, [rig, self.hulls][:1 + (kernel is self.flush[0])], [])
+        if sleep and listing:
+            sleep.settle(k, time, rig)
+        elif sleep:
+            wp.capture_if(self.work.strayed, sleep.settle, k=k, time=0.0, rig=rig)
         self.form.colour(rig, self.status.word(IN_TURN))
+
+    def list_anew(self, k: int, time: float) -> None:
+        """Lists pairs within a frame, after a body has gone farther than was foreseen."""
+        self.keep()
+        self.broad.list_pairs(k, time, self.status.word(WORD), anew=False)
 
     def rig(self) -> Any:
         return filled(contact.whole(self.real), s=self.table, b=self.method.table, now=self.method.moving(), still=self.still,
