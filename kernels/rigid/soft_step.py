@@ -40,7 +40,7 @@ A2 = TURN * A1
 GIVES, RATE = wp.constant(1.0 / A2), wp.constant(TURN / A1)     # rate h
 NEAR = wp.constant(0.01)                   # of A_ii: points of which one is needless share what they bear as they did
 MOST = wp.constant(4.0)                    # [m/s] at which what overlaps is pushed apart, at most
-TURNS = wp.constant(1.0e-4)                # [rad] in a substep below which points go straight
+TURNS = wp.constant(1.0e-4)                # [rad] in a substep below which points go straight, as they do from 1 rad on
 
 
 @cache
@@ -77,7 +77,8 @@ def bending(real):
 
     @wp.func
     def bends(two: Two, h: real):
-        return h * h * wp.max(wp.dot(two.o_a, two.o_a), wp.dot(two.o_b, two.o_b)) > real(TURNS) * real(TURNS)
+        square = h * h * wp.max(wp.dot(two.o_a, two.o_a), wp.dot(two.o_b, two.o_b))
+        return square > real(TURNS) * real(TURNS) and square < real(1.0)
 
     @wp.func(inline=False)
     def bend(two: Two, j: int, h: real, rig: Rig):

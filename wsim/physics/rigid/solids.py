@@ -20,7 +20,7 @@ from wsim.scene import Collider, Surface
 from wsim.scene.methods import dressed
 from wsim.scene.solids import Box, Capsule, Plane, Shape, Sphere, row
 
-MOST = 64                  # vertices of a hull: more are left out, those that stand out least
+MOST = 128                 # vertices of a hull: more are left out, those that stand out least
 CONVEX = 0.01              # part of a hull's volume that a mesh may lack and count as convex
 HULLS = ("convexHull", "convexDecomposition")
 NOWHERE = (0.0, 0.0, 0.0)
