@@ -18,6 +18,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.contact.shape import CAPSULE, CONE, CYLINDER, SPHERE
 from wsim.kernels.math.eigen import identity
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists.manifold import manifold
@@ -102,6 +103,11 @@ def facing(kinds: frozenset[str], real):
         if near.gap <= margin:
             if wp.dot(near.n, f) >= real(STRAIGHT):
                 near.n = f
+                if a.kind == SPHERE or a.kind == CAPSULE or a.kind == CYLINDER or a.kind == CONE:
+                    near = over(a, H, X, f)                    # what is nearest on a rim is not what rolls on the face
+                    if a.kind == SPHERE:
+                        near.x = -(radius(a) + real(0.5) * near.gap) * f
+                        near.key = 0
             elif not belongs(S, face, R, X, near.n, near.x - (real(0.5) * near.gap) * near.n):
                 alone = over(a, H, X, f)
                 if alone.gap < real(DEEPER) * wp.min(near.gap, real(0.0)) - real(BIAS) * size(a, H):
