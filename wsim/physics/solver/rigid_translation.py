@@ -63,7 +63,7 @@ class Joined(Term):
         self.add(y, y)
 
     def add(self, y: wp.array, to: wp.array) -> None:
-        """As `Momentum.add`."""
+        """Adds the translations of y to `to`, as `Momentum.add` does."""
         def together() -> None:
             if self.joined:
                 self.joined.add(y, to)

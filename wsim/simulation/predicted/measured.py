@@ -58,7 +58,7 @@ class Measured:
 
     @property
     def growth(self) -> float:
-        """Of a small perturbation, in the frames that were looked at."""
+        """Factor by which a small perturbation has grown in the frames that were looked at."""
         return exp(min(GROWS * self.exponent, 300.0))
 
     @property
@@ -79,7 +79,7 @@ class Measured:
         return self.growth >= SENSITIVE or self.moved > self.edge
 
     def report(self) -> dict:
-        """What the report of the run says of it, beside what was predicted."""
+        """Figures of the run's report: the measured error beside the one that was predicted."""
         return {"error": self.error, "error_before": self.plan.choice.error, "error_frames": self.frames,
                 "sensitive": self.sensitive}
 
