@@ -273,7 +273,7 @@ def test_a_stiffer_parameter_gets_more_substeps():
     sim.step()
     sim.set("/net", "stiffness", 1e6)
     sim.run(20)
-    assert sim.plan.clock.substeps > 5 and "substeps instead of 1" in sim.warnings[-1]
+    assert sim.plan.clock.substeps > 5 and any("substeps instead of 1" in w for w in sim.warnings)
     energy = 0.5 * np.sum(sim.velocities()[1]**2) + 0.5e6 * (np.linalg.norm(sim.positions()[1]) - 0.9)**2
     assert energy < 0.5e6 * 0.1**2 * 1.1
 
