@@ -92,7 +92,7 @@ def bowl(rings: int = 12, sides: int = 48) -> Surface:
 
 
 def test_what_falls_into_a_bowl_comes_to_rest_at_its_bottom():
-    """Boxes, balls and a hull on many normals at a time; no energy is gained."""
+    """A box and a hull on many normals at a time; the ball, which nothing brakes, rolls on. No energy is gained."""
     sim = on(bowl(), box("/box", (0.5, -0.5, 0.2), (0.3, 0.2, 0.2)), ball("/ball", (0.0, 0.3, -0.6), 0.25),
              lump("/hull", (-0.6, -0.3, 0.0)))
     energy = sim.indicators()["rigid_energy"]
@@ -102,7 +102,7 @@ def test_what_falls_into_a_bowl_comes_to_rest_at_its_bottom():
         assert now < energy + 1.0                                  # [J] of some thousand
         energy = min(energy, now)
     seen = Seen(sim)
-    assert np.abs(seen.v[:3]).max() < 0.05 and all(np.linalg.norm(seen.at(p)) < 2.0 for p in ("/box", "/ball", "/hull"))
+    assert np.abs(seen.v[[0, 2]]).max() < 1e-3 and all(np.linalg.norm(seen.at(p)) < 2.0 for p in ("/box", "/ball", "/hull"))
 
 
 def test_a_mesh_that_moves_carries_a_box_along():
