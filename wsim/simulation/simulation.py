@@ -69,10 +69,10 @@ class Simulation:
 
     def _build(self) -> None:
         self.frame = 0
-        self.graph = self.pulled = self.measured = None          # made by `reactions`, and by `follow` in the first frame
+        self.graph = self.pulled = None                          # made by `reactions`
+        self.measured: Any = None              # made by `follow` in the first frame; False: never again
         self.balance: measure.Balance | None = None
-        # a live motion changes a collider: the given scene stays as it is, for reset
-        self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])
+        self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])      # live motions change copies
         if self.precision == "float32":
             self.scene = self.scene.single()
         self.forms = {"free": 0, "met": 0, "repeated": 0}        # frames without contacts, with them, tried without first

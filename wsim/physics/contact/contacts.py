@@ -105,8 +105,8 @@ class Contacts:
         self.search_kernel = search.search(self.kinds, self.real, self.module, self.tree is not None, listed)
 
     def _array(self, values, dtype) -> wp.array:
-        up = partial(wp.array, dtype=dtype, device=self.device)
-        return values if isinstance(values, wp.array) else up(np.ascontiguousarray(values))
+        given = values if isinstance(values, wp.array) else np.ascontiguousarray(values)
+        return given if isinstance(given, wp.array) else wp.array(given, dtype=dtype, device=self.device)
 
     def _points(self, bodies: Bodies) -> None:
         t, p = self.types, kernels.tables(self.real)[1]()

@@ -29,8 +29,9 @@ class StrandLoads:
 
     def __init__(self, scene: Scene, table: Table, strands: Any, substeps: int):
         self.table = table
-        self.borne = [[load, load.curve, table.place[k][load.points], load.parts, world] for k, (rods, world)
-                      in enumerate(table.pairs) for load in scene.loads if load.body == rods.path]
+        self.borne: list[list[Any]] = [
+            [load, load.curve, table.place[k][load.points], load.parts, world]
+            for k, (rods, world) in enumerate(table.pairs) for load in scene.loads if load.body == rods.path]
         self.rows = np.unique(np.concatenate([each[2] for each in self.borne])) if self.borne else np.zeros(0, np.int64)
         self.put_tables(strands, substeps)
 

@@ -14,6 +14,7 @@ from wsim.kernels.selfcontact.newton import solve as solution
 from wsim.kernels.solver import line_search, pcg
 from wsim.model.structs import filled
 from wsim.physics.selfcontact.modules import NEWTON, NEWTON_WORDS, newton
+from wsim.physics.selfcontact.near import THREADS
 from wsim.physics.solver.assembly import Assembly, Term
 from wsim.physics.solver.linear import EACH
 
@@ -66,7 +67,7 @@ class NewtonRows(Term):
 
     @property
     def threads(self) -> int:
-        return min(self.near.pairs.capacity, rows.THREADS) if self.model.device.is_cuda else 1
+        return min(self.near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
 
     def over_rows(self, name: str, inputs: list, outputs: list) -> None:
         self.model.launch(self.kernels[name], self.threads, inputs, outputs)

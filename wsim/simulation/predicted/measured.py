@@ -171,7 +171,7 @@ def _instability(sim) -> float:
             tension = stretch * strain + source.material.bend * (np.pi / length)**2
         else:
             tension = float(np.mean(source.stiffness)) * strain
-        across = sum(np.bincount(ends[:, k], tension, body.count) for k in (0, 1))
+        across = np.bincount(ends[:, 0], tension, body.count) + np.bincount(ends[:, 1], tension, body.count)
         free = body.masses > 0.0
         found = max(found, float(np.sqrt(np.mean(np.maximum(-across[free] / body.masses[free], 0.0)))))
     return found

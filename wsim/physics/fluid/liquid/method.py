@@ -159,9 +159,11 @@ class Liquids(Method):
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         missed = status.said("liquid: missed")
-        found = [(("liquid", domain.liquid.path, domain.world), float(n),
-                  f"{domain.liquid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, "
-                  "or float64") for domain, n in zip(self.domains, missed, strict=True) if n]
+        found: list[tuple[tuple, float, str]] = [
+            (("liquid", domain.liquid.path, domain.world), float(n),
+             f"{domain.liquid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, or "
+             "float64")
+            for domain, n in zip(self.domains, missed, strict=True) if n]
         given = [(s, d) for d in self.domains if d.flow for s in d.flow.sources]
         for domain, (volume, held) in zip(self.domains, status.said("liquid: volume").reshape(-1, 2), strict=True):
             error = volume_error(float(volume) / 8.0, float(held) / 8.0)
