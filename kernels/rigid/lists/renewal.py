@@ -28,7 +28,7 @@ from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.lists.rows import posing
 
 STALE, FINE = wp.constant(1.0e-3), wp.constant(1.0e-5)       # part of L: more, a tilting box slides off its old corners
-BRIEF = wp.constant(0.02)              # of L: how much nearer bodies may come in a substep without the time of impact
+BRIEF = wp.constant(0.005)             # of L: how much nearer bodies may come in a substep without the time of impact
 STEPS = wp.constant(12)                # of Newton's method, at most; a grazing impact halves what is left in each
 TOUCHES = wp.constant(1.0e-5)          # of L: a root
 MARGIN = wp.constant(0.01)             # part of both balls within which points are kept, however slow
