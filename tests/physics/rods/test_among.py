@@ -232,7 +232,7 @@ def test_nothing_of_it_is_built_where_one_side_says_nothing():
         scene.cloths[0].self_collision = on
         sim = Simulation(scene, device="cpu")
         assert sim.plan.method("rods").among is None and not any("among" in name for name in sim.model.modules)
-        assert any("strands pass through /cloth" in text for text in sim.repeats)
+        assert any("strands pass through /cloth" in text for text in sim.warnings)
 
 
 @pytest.mark.parametrize("solver", ["explicit", "implicit"])
@@ -264,7 +264,7 @@ def test_a_rope_that_starts_through_a_cloth_is_told_with_its_place():
     before = crossed(sim)
     sim.run(3)
     told = f"{before} edges of rods go through triangles where they start, such as /rope and /cloth at ("
-    assert before > 0 and any(told in text for text in sim.repeats)
+    assert before > 0 and any(told in text for text in sim.warnings)
     assert np.isfinite(sim.plan.method("rods").points(0)[0]).all()
 
 
