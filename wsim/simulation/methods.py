@@ -65,7 +65,7 @@ class Build:
         if not (self.scene.colliders and self.scene.cloths):
             return False
         from wsim.scene.check.sharp import meets
-        return meets(self.scene, self.model.gradients)
+        return meets(self.scene) and not self.model.gradients
 
     @property
     def alone(self) -> bool:

@@ -83,7 +83,7 @@ SCENES = [pytest.param(shape, solver, id=f"{shape}-{solver}") for shape in TRIED
 @pytest.mark.parametrize("shape, solver", first_and_slow(SCENES))
 def test_a_sheet_that_slides_on_a_mesh(shape, solver):
     run = recorded(shape, solver)
-    plain = Simulation(run.scene, device="cpu", precision="float64")
+    plain = run.plain()
     plain.run(FRAMES)
     assert plain.indicators()["contacts"] >= 4
     assert np.abs(plain.positions() - run.recording.positions(FRAMES)).max() < 1e-11
@@ -116,7 +116,7 @@ def led(own: Motion, substeps: int, shift: np.ndarray, turn: np.ndarray) -> Moti
 def test_by_the_motion_of_a_collider(shape, solver):
     """Worlds share their colliders, so that every difference is a run of its own."""
     run = recorded(shape, solver)
-    by, sim = run.gradient.motion("/floor"), Simulation(run.scene, device="cpu", precision="float64")
+    by, sim = run.gradient.motion("/floor"), run.plain()
     assert by.shape == (FRAMES + 1, 2, 3)
     way = np.random.default_rng(1).normal(size=by.shape)
     for part in (0, 1):

@@ -41,6 +41,8 @@ def build(b: Build) -> Contact:
     contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, movers)
     if "contact" in (b.methods.find("taken") or ()):
         contact.stages.clear()                           # explicit steps know contacts themselves, see kernels/fused/contact.py
+    if b.model.gradients and sharp.meets(b.scene):
+        contact.offers["start"] = [sharp.warn_of_gradients(b.scene)]
     if b.free:
         from wsim.physics.contact.clearance import Clearance
         contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))
@@ -117,7 +119,7 @@ class Contact(Method):
             broad.listed(self.contacts)
         if self.contacts.search_kernel is None:
             self.contacts.searches()
-        if sharp.meets(self.model.scene, self.model.gradients):
+        if sharp.meets(self.model.scene) and not self.model.gradients:
             from wsim.physics.cloth.edge_contacts import EdgeContacts
             self.contacts.edges = EdgeContacts(self.model, self.contacts, explicit)
 

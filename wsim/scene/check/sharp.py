@@ -7,8 +7,9 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Cloth, Collider, Scene, Surface
+from wsim.scene import Cloth, Collider, Problem, Scene, Surface
 from wsim.scene.check.chord import CREASE
+from wsim.scene.check.objects import warning
 from wsim.scene.check.signed_distance import closed
 from wsim.scene.solids import Box, Cone, Cylinder
 
@@ -54,13 +55,19 @@ def _folded(surface: Surface) -> bool:
     return bool(creases > EDGED * np.sqrt(area))
 
 
-
 def has_edges(body) -> bool:
     """True if edges and triangles of a body meet sharp colliders."""
     return isinstance(body, Cloth) and not body.self_collision
 
 
-def meets(scene: Scene, gradients: bool) -> bool:
-    """True if a cloth of a scene meets a sharp collider by its edges."""
-    return (not gradients and scene.contact_width == 0.0 and any(map(has_edges, scene.cloths))
-            and any(map(sharp, scene.colliders)))
+def meets(scene: Scene) -> bool:
+    """True if a cloth of a scene meets a sharp collider by its edges, in runs without gradients."""
+    return scene.contact_width == 0.0 and any(map(has_edges, scene.cloths)) and any(map(sharp, scene.colliders))
+
+
+def warn_of_gradients(scene: Scene) -> Problem:
+    """What a run with gradients says of a scene that `meets`: its cloths meet colliders by points alone."""
+    cloth, collider = (next(filter(f, things)).path for f, things in ((has_edges, scene.cloths), (sharp, scene.colliders)))
+    return warning(cloth, f"its edges meet {collider} without gradients, and not in this simulation with gradients=True, where "
+                   "points alone meet it: contacts of edges have no derivative, and the two differ",
+                   "a collider without sharp edges", "round it, or compare with a simulation that has gradients=True too")
