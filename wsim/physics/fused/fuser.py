@@ -244,4 +244,4 @@ def apart(model: Model, reasons: dict[str, str]) -> str:
     return f"{', '.join(others)} cannot be fused" if others else ""
 
 
-KNOWN = {"points", "pins", "explicit", "aero", "xpbd", "contact", "watch", "bones"}
+KNOWN = {"points", "pins", "explicit", "aero", "xpbd", "contact", "watch", "volume", "bones"}
