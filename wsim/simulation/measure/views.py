@@ -13,7 +13,8 @@
     springs.stiffness, .damping, .rest     [N/m], [N s/m], [m] of entries; `index["springs"]`: spring of each, -1 padding
     dihedral.stiffness, .damping           [J], [s] of each hinge; membrane.stiffness, .damping [J], [s] of each triangle;
                                            under XPBD and Newton's method distance., dihedral., membrane.compliance
-    PART.FIELD            every field of the other parts of the state; `index`: rows of each prim
+    PART.FIELD            every field of the other parts of the state but the energy balance, which only checks the run;
+                          `index`: rows of each prim
     corotational.mu, .lam, .damping        [Pa], [Pa], [s] of each tet, so of each material model; pressure [Pa] of triangles
 
 What is written into them is seen by the next frame, or the next run of a recording (which begins with `Recording.initial`, not
@@ -58,8 +59,10 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     whose points the indices are of; the arrays hold all."""
     sim: Simulation = getattr(source, "sim", source)
     plan, model = sim.plan, sim.model
+    watch = plan.find("balance")
+    parts = [part for part in sim.state.parts.values() if part.name != "points" and not (watch and part is watch.part)]
     others = {f"{part.name}.{f.name}": ArrayView(part.arrays[f.name], {p: r for (p, of), r in part.rows.items() if of == world})
-              for part in sim.state.parts.values() if part.name != "points" for f in part.fields}
+              for part in parts for f in part.fields}
     bodies = [b for b in model.bodies if b.world == world]
     if not bodies:
         return others
