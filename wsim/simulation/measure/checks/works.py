@@ -44,7 +44,7 @@ class Works:
 
         def launch(clock: Clock) -> None:
             self.model.launch(kernel, n, [air.triangle, air.air, air.force, clock.h], [given])
-        self.stages.append(Stage("work of wind", "deform", launch, 1, n * 40, what=f"{n} triangles"))
+        self.stages.append(Stage("work of wind", "solve", launch, 1, n * 40, what=f"{n} triangles"))
         self.wind = True
 
     def add_colliders(self, paths: list[str]) -> None:
@@ -57,7 +57,7 @@ class Works:
 
         def launch(clock: Clock) -> None:
             self.model.launch(kernel, n, [own.points, own.slots, own.push, outside, clock.g], [given])
-        self.stages.append(Stage("work of colliders", "deform", launch, 1, n * 8, what=f"{n} points", frames=MET))
+        self.stages.append(Stage("work of colliders", "solve", launch, 1, n * 8, what=f"{n} points", frames=MET))
         self.colliders = True
 
 
