@@ -159,8 +159,8 @@ def load(module, device, block_dim: int | None = None) -> None:
 
 
 def report_module(model, *what: str) -> str:
-    """Name of a module of kernels that only a report launches: of what is in it and of no scene, so that the cache has it once
-    for all scenes. All its kernels are made before the first is loaded."""
+    """Name of a module of kernels that reports and checks launch: of what is in it and of no scene, so that the cache has it
+    once for all scenes. All its kernels are made before the first is loaded."""
     digest = hashlib.blake2b(repr((model.real.__name__, *what)).encode(), digest_size=6).hexdigest()
     return f"wsim_report_{digest}"
 
