@@ -154,7 +154,8 @@ def test_contacts_do_no_work_and_what_they_throw_back_is_taken(friction):
 
 @pytest.mark.parametrize("iterations", [3, 6])
 def test_a_sheet_falls_on_a_ball_and_slides_down_without_giving_way(iterations):
-    sim = Simulation(draped(Sphere(0.1), iterations=iterations), device="cpu")
+    """By 20 substeps: where folds spring open, 10 add to its energy what the run rightly warns of."""
+    sim = Simulation(draped(Sphere(0.1), iterations=iterations, substeps=20), device="cpu")
     sim.run(30)
     assert sim.plan.integrator == "implicit_midpoint" and not sim.warnings
     assert sim.plan.method("contact").indicators(None, None)["penetration"] < 1e-6
