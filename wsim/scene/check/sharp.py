@@ -67,7 +67,7 @@ def meets(scene: Scene) -> bool:
 
 def warn_of_gradients(scene: Scene) -> Problem:
     """What a run with gradients says of a scene that `meets`: its cloths meet colliders by points alone."""
-    cloth, collider = (next(filter(f, things)).path for f, things in ((has_edges, scene.cloths), (sharp, scene.colliders)))
+    cloth, collider = next(filter(has_edges, scene.cloths)).path, next(filter(sharp, scene.colliders)).path
     return warning(cloth, f"its edges meet {collider} without gradients, and not in this simulation with gradients=True, where "
                    "points alone meet it: contacts of edges have no derivative, and the two differ",
                    "a collider without sharp edges", "round it, or compare with a simulation that has gradients=True too")
