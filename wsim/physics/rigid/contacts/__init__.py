@@ -213,7 +213,8 @@ class Contacts:
     def launches(self, clock: Clock) -> int:
         times = len(self.ends(clock)) - 1
         listed = 7 + 2 * self.moves + 2 * bool(self.method.sleep)
-        return listed * times + (1 + bool(self.on_meshes)) * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
+        each = 1 + bool(self.on_meshes) + len(self.flush)
+        return listed * times + each * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
 
     def set(self, path: str, name: str, value, world: int | None) -> bool:
         return put(self, path, name, value, world)
