@@ -81,8 +81,6 @@ class Build:
         leapfrog = self.choice.solver == "explicit" and len(self.choice.integrator.steps) == 2
         if not (acts <= {"aero", "contact", "xpbd"} and leapfrog and self.model.device.is_cuda):
             return frozenset()
-        if self.edges:
-            return frozenset()                           # edges look at what other points do within a substep
         from wsim.physics.fused.domains import takes
         also = {"soft pins": any(np.isfinite(p.stiffness) for p in self.scene.pins), "loads": bool(loads_of_bodies(self.scene))}
         return acts | {name for name, there in also.items() if there} if takes(self.model) else frozenset()

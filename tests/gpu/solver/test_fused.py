@@ -41,4 +41,5 @@ def test_one_launch_leaves_the_bits(name, shape, precision, monkeypatch):
     sim = wsim.Simulation(SCENES[name](), device="cpu", precision=precision)
     for _ in range(4):
         sim.step()
-    assert np.abs(x - sim.state.x.numpy()).max() < (2e-5 if precision == "float32" else 1e-9)
+    near = 1e-7 if name == "mesh" else 1e-9         # Warp looks for the nearest face in float32, in which devices round apart
+    assert np.abs(x - sim.state.x.numpy()).max() < (2e-5 if precision == "float32" else near)

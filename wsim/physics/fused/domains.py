@@ -27,6 +27,7 @@ from wsim.physics.fused.plan import FOUR, Plan
 from wsim.physics.motion.cluster import LARGE, MANY
 from wsim.physics.soft.fem import Tetrahedra
 from wsim.scene import Surface
+from wsim.scene.check import sharp
 from wsim.scene.methods import carried
 
 KINDS = {"membrane", "dihedral"}
@@ -178,11 +179,12 @@ def shared(pull, taken: frozenset[str]) -> Sheets | None:
 
 
 def takes(model) -> bool:
-    """True if blocks may take along what acts within substeps of a model: tethers, strain limits, contacts with what keeps its
-    shape."""
+    """True if blocks may take along what acts within substeps of a model: tethers, strain limits, contacts of points with what
+    keeps its shape. Contacts of edges read what other points do within a substep, which blocks do not know."""
     from wsim.physics.contact.clearance import balls, forms
-    hard = {r.kind for r in model.constraints if r.hard}
-    return hard <= {"tether", "limit"} and not (forms(model.scene) or carried(model.scene)) and balls(model.scene) <= BALLS
+    scene, hard = model.scene, {r.kind for r in model.constraints if r.hard}
+    return (hard <= {"tether", "limit"} and not (forms(scene) or carried(scene)) and balls(scene) <= BALLS
+            and not (sharp.meets(scene) and not model.gradients))
 
 
 def apart(pull) -> bool:
