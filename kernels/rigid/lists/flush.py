@@ -8,6 +8,9 @@ body touch collider I with a normal n_i at p_i, and J at points p_j. What of J l
 can touch a convex body, which is above that plane, in the plane alone, and from there up. A contact with another normal n_j is
 left out: it is that of an edge or a side that the body never meets. What the body covers of J has a contact of its own along
 n_i. Where I lies below the plane of J too (two slopes of a ridge), both stay. A mesh counts as the box of its bounds.
+
+Rows are made at different times, and some for a time of impact. So what a row knows goes with its collider to where that is
+when the substep begins: tiles that rise together are as flush as tiles that stand.
 """
 
 import warp as wp
@@ -28,16 +31,44 @@ def flush(kinds: frozenset[str], real, module):
     farthest, radius = support(kinds, real), extent(real)[0]
 
     @wp.func
-    def foot(i: int, j: int, rig: Rig):
-        """Point j of row i on the collider, from the origin of the body."""
-        return rig.c.from_a[i] + rig.c.first_a[j] - (rig.c.gap[j] + rig.c.skin[i][0]) * rig.c.n[i]
+    def collider_pose(i: int, k: int, rig: Rig):
+        """Of the frame of row i's collider, where substep k begins."""
+        f = rig.s.frame[rig.c.b[i]] - rig.b.w.shape[0]
+        row = k * rig.still.moving
+        return t.transform(rig.still.x[row, f], rig.still.q[row, f])
 
     @wp.func
-    def height(i: int, e: int, H: Hulls, rig: Rig):
-        """How far the collider of row e reaches above the plane of row i, both of one shape of a body."""
+    def turn_change(v: t.vec3, i: int, k: int, rig: Rig):
+        """Change of a vector that turns with row i's collider, since the row was made."""
+        then = rig.c.turn_b[i]
+        d = wp.transform_get_rotation(collider_pose(i, k, rig)) * wp.quat_inverse(then)
+        u = t.vec3(d[0], d[1], d[2])
+        return real(2.0) * (d[3] * wp.cross(u, v) + wp.cross(u, wp.cross(u, v)))
+
+    @wp.func
+    def normal(i: int, k: int, rig: Rig):
         n = rig.c.n[i]
+        if rig.still.moving == 1:
+            n += turn_change(n, i, k, rig)
+        return n
+
+    @wp.func
+    def foot(i: int, j: int, k: int, rig: Rig):
+        """Point j of row i on the collider, from the origin of the body."""
+        x = rig.c.from_a[i] + rig.c.first_a[j] - (rig.c.gap[j] + rig.c.skin[i][0]) * rig.c.n[i]
+        if rig.still.moving == 1:
+            b = rig.s.frame[rig.c.b[i]]
+            away = rig.s.origin[b] - rig.s.origin[rig.s.frame[rig.c.a[i]]]
+            arm = x - t.vec3(real(away[0]), real(away[1]), real(away[2])) - rig.c.from_b[i]
+            x += wp.transform_get_translation(collider_pose(i, k, rig)) - rig.c.from_b[i] + turn_change(arm, i, k, rig)
+        return x
+
+    @wp.func
+    def height(i: int, e: int, k: int, H: Hulls, rig: Rig):
+        """How far the collider of row e reaches above the plane of row i, both of one shape of a body."""
+        n = normal(i, k, rig)
         b = rig.c.b[e]
-        pose = t.transform(rig.c.from_b[e], rig.c.turn_b[e]) * rig.s.place[b]
+        pose = collider_pose(e, k, rig) * rig.s.place[b]
         away = rig.s.origin[rig.s.frame[b]] - rig.s.origin[rig.s.frame[rig.c.a[i]]]
         center = t.vec3(real(away[0]), real(away[1]), real(away[2])) + wp.transform_get_translation(pose)
         d = wp.quat_rotate_inv(wp.transform_get_rotation(pose), n)
@@ -50,18 +81,19 @@ def flush(kinds: frozenset[str], real, module):
             s.row = rig.s.row[b]
             s.size = rig.s.size[b]
             top = wp.dot(farthest(s, H, d), d) + radius(s)
-        return wp.dot(n, center - foot(i, 4 * i, rig)) + top
+        return wp.dot(n, center - foot(i, 4 * i, k, rig)) + top
 
     @wp.func
-    def below(i: int, m: int, low: real, rig: Rig):
+    def below(i: int, m: int, k: int, low: real, rig: Rig):
         """Whether the points of row m lie below the plane of row i."""
+        n = normal(i, k, rig)
         found = bool(True)
         for e in range(rig.c.count[m]):
-            found = found and wp.dot(rig.c.n[i], foot(m, 4 * m + e, rig) - foot(i, 4 * i, rig)) <= low
+            found = found and wp.dot(n, foot(m, 4 * m + e, k, rig) - foot(i, 4 * i, k, rig)) <= low
         return found
 
     @wp.func(inline=False)
-    def hidden(m: int, H: Hulls, rig: Rig):
+    def hidden(m: int, k: int, H: Hulls, rig: Rig):
         """Whether the collider of row m lies below the plane of another row of the same shape."""
         a = rig.c.a[m]
         found = bool(False)
@@ -73,8 +105,8 @@ def flush(kinds: frozenset[str], real, module):
         more = bool(True)
         while more:
             if rig.c.b[i] != rig.c.b[m] and rig.c.count[i] > 0 and rig.s.frame[rig.c.b[i]] >= rig.b.w.shape[0]:
-                if wp.dot(rig.c.n[i], rig.c.n[m]) < real(1.0) - real(SAME) and below(i, m, low, rig):
-                    if height(i, m, H, rig) <= low + lean and height(m, i, H, rig) > low:
+                if wp.dot(normal(i, k, rig), normal(m, k, rig)) < real(1.0) - real(SAME) and below(i, m, k, low, rig):
+                    if height(i, m, k, H, rig) <= low + lean and height(m, i, k, H, rig) > low:
                         found = True
             i += 1
             more = i < rig.c.a.shape[0] and not found
@@ -82,12 +114,12 @@ def flush(kinds: frozenset[str], real, module):
                 more = rig.c.a[i] == a
         return found
 
-    def rigid_flush(rig: Rig, H: Hulls):
+    def rigid_flush(rig: Rig, H: Hulls, k: int):
         m = wp.tid()
         if rig.c.a[m] >= 0 and rig.work.renewed[m] == 1 and rig.c.count[m] > 0:
             b = rig.c.b[m]
             if rig.s.kind[b] != PLANE and rig.s.frame[b] >= rig.b.w.shape[0]:
-                if hidden(m, H, rig):
+                if hidden(m, k, H, rig):
                     rig.work.renewed[m] = 2
 
     def rigid_drop(rig: Rig):

@@ -239,7 +239,7 @@ class Contacts:
         if self.on_meshes:
             launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, k, h, before], [])
         for kernel in self.flush:
-            launch(kernel, self.room, [rig, self.hulls][:1 + (kernel is self.flush[0])], [])
+            launch(kernel, self.room, [rig, self.hulls, k] if kernel is self.flush[0] else [rig], [])
         if sleep and listing:
             sleep.settle(k, time, rig)
         elif sleep:
