@@ -1,14 +1,18 @@
 """Drag and lift of moving air on triangles.
 
-    r = (v0 + v1 + v2)/3 - wind, v = (d - a)/g the predicted velocities
+    r = (v0 + v1 + v2)/3 - wind, v = (d - a)/g the predicted velocities; u as r, without what gravity adds in this substep
     n the unit normal, A the area, rho the density of the air
     drag  F = -1/2 rho cd A |r.n| r                          (projected area, against the relative motion)
     lift  F = -1/2 rho cl A (r.n) |r| (n - (n.r) r / |r|^2)  (across the relative motion, largest at 45 degrees)
+    normal drag  F = -c A (u.n) n                            (linear, along the normal alone: `wsim.scene.fabric`)
 
 (Keckeisen, Kimmerle, Thomaszewski, Wacker 2004, Modelling effects of wind fields in cloth animations, section 4, without
 normalising the direction of lift, so that it vanishes smoothly.) Forces are gathered by points, a third of each triangle.
-The gathered drag k = 1/6 rho cd A |r.n| [kg/s] enters by one Newton step of the implicit equation (drag is quadratic: its
-derivative is up to 2 k), so strong wind on light cloth cannot overshoot: dv = g w F / (1 + 2 g w k).
+The derivative of the drag on a corner is at most K = 1/3 rho cd A |r.n| + 1/3 c A [kg/s]. The gathered
+K enters by one Newton step of the implicit equation, so that strong wind on light cloth cannot overshoot:
+dv = g w F / (1 + g w K). So the normal drag alone gives v' = v / (1 + g c / m) + g f: a rate of decay that errs by g c / 2 m of
+itself, a terminal velocity by g c / m. What is at rest stays so, since u is 0 there: what holds it up has yet to come. Explicit
+steps have gravity and elastic forces in u, and contacts have yet to come: there air carries h c / m of what lies on a collider.
 """
 
 from functools import cache
@@ -29,13 +33,17 @@ def air(real):
         wind: wp.array(dtype=t.vec3)         # [m/s], (objects,)
         drag: wp.array(dtype=t.scalar)       # rho cd / 6 [kg/m^3], (objects,)
         lift: wp.array(dtype=t.scalar)       # rho cl / 6 [kg/m^3], (objects,)
+        normal_drag: wp.array(dtype=t.scalar)    # c / 3 [kg/(m^2 s)], (objects,)
+        gravity: wp.array(dtype=t.vec3)      # [m/s^2], (objects,)
+        w: wp.array(dtype=t.scalar)          # inverse mass [1/kg], (points,)
+        fall: real                           # 1: velocities have gravity, and nothing yet that holds against it; else 0
 
     return Air
 
 
 @cache
 def press(real, module):
-    """Kernel: force on each corner of a triangle [N] and its drag coefficient [kg/s]."""
+    """Kernel: force on each corner of a triangle [N] and K, its derivative by r [kg/s]."""
     t, Air = types(real), air(real)
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
@@ -55,7 +63,12 @@ def press(real, module):
             n = area2 / size
             rn = wp.dot(r, n)
             k = real(0.5) * size * air.drag[o] * wp.abs(rn)
-            f = -k * r
+            c_n = real(0.5) * size * air.normal_drag[o]
+            fallen = t.vec3()
+            for j in range(3):
+                fallen += wp.where(air.w[p[j]] > real(0.0), air.fall * g / real(3.0), real(0.0)) * air.gravity[air.object[p[j]]]
+            f = -k * r - (c_n * (rn - wp.dot(fallen, n))) * n
+            k = real(2.0) * k + c_n
             r2 = wp.dot(r, r)
             if r2 > real(0.0):
                 f -= (real(0.5) * size * air.lift[o] * rn * wp.sqrt(r2)) * (n - (rn / r2) * r)
@@ -86,7 +99,7 @@ def blow(real, module):
              d_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         f, drag = gather(first, item, force, k, i)
-        d_out[i] = d[i] + (g * g * w[i] / (real(1.0) + real(2.0) * g * w[i] * drag)) * f
+        d_out[i] = d[i] + (g * g * w[i] / (real(1.0) + g * w[i] * drag)) * f
 
     return blow
 

@@ -32,6 +32,7 @@ def sheets(real, materials: tuple[str, ...] = ()):
         wind: wp.array(dtype=t.vec3)         # and drag and lift of the air over each object: kernels/cloth/air.py
         drag: wp.array(dtype=t.scalar)
         lift: wp.array(dtype=t.scalar)
+        normal_drag: wp.array(dtype=t.scalar)
         room: wp.array(dtype=t.scalar)       # clearance [m], (points,); of frames that are watched
         met: wp.array(dtype=int)             # becomes 1 where a point goes further
         mail: wp.array(dtype=t.vec4)         # what blocks of a grid send, with its substep; 0 at first, (4 points,)

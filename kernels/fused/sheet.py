@@ -47,7 +47,8 @@ ROOM = """
     float* const kept = slope + BENT;
     float* const tau = kept + BENT;
     float* const lift = tau + FLATS;
-    float* const drag = lift + (AIR ? FLATS : 0);                   // [kg/s]
+    float* const across = lift + (AIR ? FLATS : 0);                 // normal drag
+    float* const drag = across + (AIR ? FLATS : 0);                 // derivative of the drag [kg/s]
     uint2* const corner = (uint2*)(drag + (AIR ? FLATS : 0));
     uint2* const hinge_corner = corner + FLATS;
     int* const moment_begin = (int*)(hinge_corner + HINGES);
@@ -90,6 +91,7 @@ FILL = """
             const float* const wind = (const float*)h.wind.data + 3 * o;
             breeze[i] = make_float4(wind[0], wind[1], wind[2], h.drag.data[o]);
             lift[i] = h.lift.data[o];
+            across[i] = h.normal_drag.data[o];
         }
     }
     for (int s = t; s < SLOTS * curved; s += THREADS) {
@@ -176,7 +178,7 @@ FORCES = """
     }
     SUM_LANES
     if (AIR) {                                                  // one Newton step of drag, which cannot overshoot then
-        const float part = 1.f / (1.f + 2.f * kick * own.w * damp);
+        const float part = 1.f / (1.f + kick * own.w * damp);
         for (int k = 0; k < 3; ++k) f[k] = fmaf(part, blow[k], f[k]);
     }
     for (int k = 0; k < 3; ++k) own.a[k] = own.w * f[k] + own.gravity[k] - own.decay * own.q[k];

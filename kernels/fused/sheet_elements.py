@@ -135,12 +135,13 @@ TRIANGLE = """
             const float aa = dot(A2, A2), ra = aa > 1e-37f ? root_over(aa) : 0.f, size = aa * ra, rr = dot(r, r);
             const V3 normal = times(ra, A2);
             const float rn = dot(r, normal), k = 0.5f * size * breeze[c].w * fabsf(rn), up = 0.5f * size * lift[c] * rn;
-            air = times(-k, r);
+            const float along = 0.5f * size * across[c];
+            air = more(-along * rn, normal, times(-k, r));
             if (rr > 1e-37f) {
                 const float rs_ = root_over(rr);
                 air = more(-up * rr * rs_, more(-rn * rs_ * rs_, r, normal), air);
             }
-            drag[c] = k;
+            drag[c] = fmaf(2.f, k, along);
         }
         place(c, times(-1.f, add(f1, f2)), f1, f2, air);
     };

@@ -1,7 +1,8 @@
 """Work of the wind and of what carries the scene, in float64 NumPy from the positions of every substep, and what else works.
 
     F = -1/2 rho A |r.n| cd r - 1/2 rho A (r.n) |r| cl (n - (n.r) r / |r|^2),    r = (u0 + u1 + u2)/3 - wind, of a triangle
-    f = sum F/3 / (1 + 2 h w k),  k = sum 1/6 rho A |r.n| cd                     of a point, w its inverse mass
+        - c A (r.n) n
+    f = sum F/3 / (1 + h w K),  K = sum 1/3 rho A |r.n| cd + 1/3 c A             of a point, w its inverse mass
     W = sum f.(x1 - x0)                                                           of a substep from x0 to x1
 
 The law and its implicit drag are those of kernels/cloth/air.py, written anew; they are taken at x0 and at the velocity
@@ -33,16 +34,18 @@ MOVES = 1e-9          # [m] or of a rotation: a motion that changes by less stan
 
 @dataclass
 class Wind:
-    """Air of one velocity around the triangles of cloth: drag, lift with rho / 2 in them [kg/m^3], (t,)."""
+    """Air of one velocity around the triangles of cloth: drag, lift with rho / 2 in them [kg/m^3], normal_drag [kg/(m^2 s)],
+    (t,)."""
 
     triangles: np.ndarray        # (t, 3)
     drag: np.ndarray
     lift: np.ndarray
+    normal_drag: np.ndarray
     wind: np.ndarray             # [m/s], (3,)
     weights: np.ndarray          # inverse masses [1/kg], (n,)
 
     def forces(self, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces [N], (n, 3), and k [kg/s], (n,), of points at x [m] with velocities v [m/s]."""
+        """Forces [N], (n, 3), and K [kg/s], (n,), of points at x [m] with velocities v [m/s]."""
         p = x[self.triangles]
         area = 0.5 * np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
         size = np.linalg.norm(area, axis=1)
@@ -51,8 +54,9 @@ class Wind:
         rn, rr = (r * n).sum(axis=1), np.linalg.norm(r, axis=1)
         k = self.drag * size * np.abs(rn)
         across = rr[:, None] * n - (rn / np.where(rr > 0.0, rr, 1.0))[:, None] * r          # |r| (n - (n.r) r / |r|^2)
-        F = -k[:, None] * r - (self.lift * size * rn)[:, None] * across
-        gathered = [np.bincount(self.triangles.ravel(), np.repeat(a / 3.0, 3), len(x)) for a in (*F.T, k)]
+        F = -k[:, None] * r - (self.lift * size * rn)[:, None] * across - (self.normal_drag * size * rn)[:, None] * n
+        gathered = [np.bincount(self.triangles.ravel(), np.repeat(a / 3.0, 3), len(x))
+                    for a in (*F.T, 2.0 * k + self.normal_drag * size)]
         return np.stack(gathered[:3], axis=1), gathered[3]
 
     def impulse(self, x0: np.ndarray, x1: np.ndarray, h: float) -> np.ndarray:
@@ -60,7 +64,7 @@ class Wind:
         v, own = (x1 - x0) / h, np.zeros_like(x0)
         for _ in range(PASSES):
             F, k = self.forces(x0, v - own)
-            f = F / (1.0 + 2.0 * h * self.weights * k)[:, None]
+            f = F / (1.0 + h * self.weights * k)[:, None]
             own = h * self.weights[:, None] * f
         return f
 
@@ -68,12 +72,14 @@ class Wind:
 def wind_of(sim: Simulation) -> Wind | None:
     """Air around a simulation's cloth over its points in solver order; None where there is none."""
     scene, model = sim.scene, sim.model
-    cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and (b.source.drag or b.source.lift)]
+    cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and b.source.feels_air]
     if not cloths:
         return None
     each, half = [len(b.triangles) for b in cloths], 0.5 * scene.air_density
-    drag, lift = (half * np.repeat([getattr(b.source, name) for b in cloths], each) for name in ("drag", "lift"))
-    return Wind(np.concatenate([b.triangles for b in cloths]), drag, lift, np.asarray(scene.wind, float), weights_of(sim))
+    drag, lift, normal = (share * np.repeat([b.source.air[name] for b in cloths], each)
+                          for name, share in (("drag", half), ("lift", half), ("normal_drag", 1.0)))
+    triangles = np.concatenate([b.triangles for b in cloths])
+    return Wind(triangles, drag, lift, normal, np.asarray(scene.wind, float), weights_of(sim))
 
 
 def weights_of(sim: Simulation) -> np.ndarray:

@@ -15,7 +15,7 @@ from wsim.gradient.element_gradient import ElementGradient
 from wsim.gradient.loss import Seeds
 from wsim.gradient.tables import Parameters
 from wsim.physics.contact.gradient import ContactGradient
-from wsim.scene import Problem, SceneError, Springs
+from wsim.scene import Cloth, Problem, SceneError, Springs
 from wsim.scene.nodal.masses import density_of
 from wsim.scene.values.coverage import refuse, row_of
 from wsim.scene.values.table import FRICTION
@@ -138,11 +138,13 @@ class Gradient(ElementGradient):
         return self.of(air.wind)[self.places(world)].sum(axis=0) + more if air else more
 
     def air_coefficient(self, name: str, path: str | None = None, world: int = 0) -> float:
-        """Gradient with respect to "drag" or "lift" of a cloth."""
+        """Gradient with respect to "drag" or "lift" of a cloth, or to "normal_drag" of its material."""
         body, air = self.model.body(path, world), self.parameters.air
-        if name not in ("drag", "lift") or not (air and (body.source.drag or body.source.lift)):
+        felt = air and isinstance(body.source, Cloth) and body.source.feels_air
+        if name not in ("drag", "lift", "normal_drag") or not felt:
             raise refuse("air", body.path, name=name)
-        return float(self.of(getattr(air, name))[body.first:body.last].sum()) * self.model.scene.air_density / 6.0
+        share = 1.0 / 3.0 if name == "normal_drag" else self.model.scene.air_density / 6.0
+        return float(self.of(getattr(air, name))[body.first:body.last].sum()) * share
 
     def friction(self, path: str | None = None, world: int = 0) -> np.ndarray:
         """Gradient with respect to the static and the dynamic friction of a body or a collider, (2,)."""

@@ -38,7 +38,7 @@ class Parameters:
         if self.loads:
             found.append(self.loads.own)
         if self.air:
-            found += [self.air.wind, self.air.drag, self.air.lift]
+            found += [self.air.wind, self.air.drag, self.air.lift, self.air.normal_drag]
         if self.pins and self.pins.groups["soft"]:
             found += [self.pins.soft.alpha, self.pins.soft.damping]
         if self.bounce:

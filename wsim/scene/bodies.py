@@ -78,7 +78,8 @@ class Cloth(Compared):
     flat           True: it bends from flat; False: from the angles of its rest shape
     weld           points closer than this are one particle [m] (seams); 0: none
     tethers        long-range attachments to the nearest pin
-    drag           aerodynamic drag coefficient [1], along the relative wind
+    drag           aerodynamic drag coefficient [1], along the relative wind; it replaces the `normal_drag` of the material, so
+                   that 0 is no drag at all. None: the material's `normal_drag`, which presets have
     lift           aerodynamic lift coefficient [1], across the relative wind
     stretches      stiffness of each polygon, (faces,) [N/m], shear and weft in its ratio; None: the material's
     bends          of each polygon, (faces,) [N m]; None: the material's bend
@@ -100,7 +101,7 @@ class Cloth(Compared):
     flat: bool = True
     weld: float = 0.0
     tethers: bool = False
-    drag: float = 0.0
+    drag: float | None = None
     lift: float = 0.0
     stretches: np.ndarray | None = None
     bends: np.ndarray | None = None
@@ -113,6 +114,17 @@ class Cloth(Compared):
         self.rest_points = reals(self.rest_points, -1, 3)
         self.masses, self.thicknesses = reals(self.masses, -1), reals(self.thicknesses, -1)
         self.stretches, self.bends = reals(self.stretches, -1), reals(self.bends, -1)
+
+    @property
+    def air(self) -> dict[str, float]:
+        """Coefficients that count: drag [1], lift [1], normal_drag [kg/(m^2 s)]."""
+        own = self.material.normal_drag if self.drag is None else 0.0
+        return {"drag": self.drag or 0.0, "lift": self.lift, "normal_drag": own}
+
+    @property
+    def feels_air(self) -> bool:
+        """True if a coefficient of the air is not 0."""
+        return any(self.air.values())
 
 
 @dataclass(eq=False)

@@ -32,6 +32,8 @@ class Fabric:
     strain_limit        edges stretch to at most 1 + strain_limit times their rest length [1]; inf: no limit
     static_friction     coefficient of friction [1] up to which a contact sticks
     dynamic_friction    coefficient of friction of a contact that slides [1]
+    normal_drag         drag of the air on motion along the normal, by area and speed [kg/(m^2 s)], >= 0. It counts for a
+                        `Cloth` whose own `drag` is None: a number there, 0 too, replaces it
 
     `wsim.fabric("denim")` has measured ones: silk, cotton, denim, leather, rubber.
     """
@@ -47,6 +49,7 @@ class Fabric:
     strain_limit: float = inf
     static_friction: float = 0.5
     dynamic_friction: float = 0.5
+    normal_drag: float = 0.0
 
     def __post_init__(self):
         validate("Cloth", self)
@@ -70,10 +73,11 @@ def bend_of_fibres(area_density: float, modulus: float, diameter: float) -> floa
     return 0.5 * area_density * modulus * diameter ** 2 / 16.0
 
 
-def _woven(area_density: float, thickness: float, warp: float, weft: float, **more) -> Fabric:
+def _woven(area_density: float, thickness: float, warp: float, weft: float, *, slowed: float, **more) -> Fabric:
     """Woven sheet of area density [kg/m^2]; the one stretch of an isotropic sheet is the mean of warp and weft [N/m].
-    Poisson ratio 0: the coupling measured beside those moduli is under 3 % of them."""
-    return Fabric(stretch=0.5 * (warp + weft), thickness=thickness, density=area_density / thickness, **more)
+    Poisson ratio 0: the coupling measured beside those moduli is under 3 % of them. slowed: see below [1/s]."""
+    return Fabric(stretch=0.5 * (warp + weft), thickness=thickness, density=area_density / thickness,
+                  normal_drag=slowed * area_density, **more)
 
 
 _GF = 9.80665e-3                                 # gram-force [N]; KES-F reports B in gf cm^2/cm, G in gf/(cm degree)
@@ -89,25 +93,32 @@ _KES_SHEAR = _GF / 1.0e-2 * 180.0 / pi           # gf/(cm degree) to N/m per rad
 # in Mechanical Design" (data appendix). [R] MatWeb, "Natural Rubber, Vulcanized": G 0.5 MPa, 950 kg/m^3.
 # Friction is that of the material on itself or on a smooth solid, rounded; where no source is named it is assumed, and
 # moving friction is taken 20 % lower. Nothing is said there of losses: damping is 0 and is the author's choice.
+# Drag of the air. Motion along the normal dies out at the rate c / m = normal_drag / area density [1/s] (`slowed`), whatever
+# its speed; the amplitude of a swing decays at half of that. c is chosen, not measured, so that a hanging cloth of 0.3 to 2 m
+# settles within 2 to 6 s (tests/physics/cloth/test_settling.py). For comparison: a plate (drag coefficient 1.2) that swings at
+# a peak speed V loses as much in a period as by c = 8 / (3 pi) 1/2 rho 1.2 V, which is 0.6 V kg/(m^2 s). Real cloth also loses
+# energy by friction between threads; c stands for that too.
 FABRICS: dict[str, Fabric] = {
     # 16 momme (1 momme = 4.34 g/m^2): a blouse. No silk is in [W]: in-plane figures are those of its lightest filament
     # weave (white-dots-on-blk, polyester, 0.128 kg/m^2). Bending by fibres of 7.3 N/tex and 12 um, friction 0.26 [M];
     # thickness from 1340 kg/m^3 fibres that fill 40 % of the cloth (assumed).
     "silk": _woven(16 * 4.34e-3, 16 * 4.34e-3 / (0.40 * 1340.0), 2002.1, 2027.5, shear=19.2,
-                   bend=bend_of_fibres(16 * 4.34e-3, 7.3e6, 12.0e-6), static_friction=0.26, dynamic_friction=0.21),
+                   bend=bend_of_fibres(16 * 4.34e-3, 7.3e6, 12.0e-6), static_friction=0.26, dynamic_friction=0.21, slowed=2.2),
     # Trouser weight, 65 % cotton (royal-target in [W]). Bending by fibres of 5.0 N/tex (Upland) and 14 um [M]; friction
     # 0.29 to 0.57 [M]; thickness from 1520 kg/m^3 fibres that fill 30 % of the cloth (assumed).
     "cotton": _woven(0.220, 0.220 / (0.30 * 1520.0), 2016.6, 2035.0, shear=104.8,
-                     bend=bend_of_fibres(0.220, 5.0e6, 14.0e-6), static_friction=0.45, dynamic_friction=0.36),
+                     bend=bend_of_fibres(0.220, 5.0e6, 14.0e-6), static_friction=0.45, dynamic_friction=0.36, slowed=2.3),
     # 11 oz, 99 % cotton (11oz-black-denim in [W]). From [D]: bending 0.174 gf cm^2/cm (0.144 to 0.227), shear
     # 1.96 gf/(cm degree) (1.5 to 3.4), thickness 0.99 mm (0.80 to 1.19).
     "denim": _woven(0.324, 0.99e-3, 205.4, 1013.9, shear=1.96 * _KES_SHEAR, bend=0.174 * _KES_BEND,
-                    static_friction=0.55, dynamic_friction=0.44),
+                    static_friction=0.55, dynamic_friction=0.44, slowed=2.8),
     # Garment leather, 0.8 mm [G], 900 kg/m^3 (810 to 1050 [A]). E is the secant to failure: 8 to 25 MPa [L], mean 16.5,
     # over 0.55 elongation (0.4 to 0.7, assumed); [A] has 100 to 500 MPa for harder leathers. nu 0.3 is assumed.
-    "leather": isotropic(16.5e6 / 0.55, 0.30, 0.8e-3, 900.0, static_friction=0.6, dynamic_friction=0.48),
+    "leather": isotropic(16.5e6 / 0.55, 0.30, 0.8e-3, 900.0, static_friction=0.6, dynamic_friction=0.48,
+                         normal_drag=2.0 * 0.8e-3 * 900.0),
     # 1 mm sheet: E = 2 (1 + nu) G with G and density from [R]; nu 0.499 [A], here 0.49.
-    "rubber": isotropic(2.0 * 1.49 * 0.5e6, 0.49, 1.0e-3, 950.0, static_friction=1.0, dynamic_friction=0.8),
+    "rubber": isotropic(2.0 * 1.49 * 0.5e6, 0.49, 1.0e-3, 950.0, static_friction=1.0, dynamic_friction=0.8,
+                        normal_drag=2.4 * 1.0e-3 * 950.0),
 }
 
 

@@ -99,7 +99,7 @@ def explicit(model: Model, n: int) -> dict[str, float]:
     springs, work, kinds = _constraints(model)
     tets, simple = _tets(model, 0), not (model.scene.colliders or model.scene.softs or work > springs or touches(model.scene))
     damped = any(r.tau for r in model.constraints)
-    blown = any(cloth.drag or cloth.lift for cloth in model.scene.cloths)
+    blown = any(cloth.feels_air for cloth in model.scene.cloths)
     if model.device.is_cuda and model.device.arch >= 90 and simple and not damped and model.points <= CLUSTERED:
         return {"cluster": n, "clustered": n * model.points}
     if marched(model, kinds):
@@ -111,7 +111,7 @@ def explicit(model: Model, n: int) -> dict[str, float]:
                 "limited": (n + sends) * limited, **_struck(model, n)}
     if packed(model, kinds):
         scene = model.scene
-        aired = n * model.points * any(c.drag or c.lift for c in scene.cloths)
+        aired = n * model.points * any(c.feels_air for c in scene.cloths)
         within = aired or scene.colliders or _hard(model) or any(p.stiffness < inf for p in scene.pins)
         return {"step": n, "packed": n * work, "beside": n * model.points * bool(within), "aired": aired,
                 **_contacts(model, n, 1)}

@@ -113,7 +113,7 @@ NEEDED: dict[str, Callable[[Build], str]] = {
     "points": lambda b: "there are points that move" if b.model.bodies else "",
     "pins": lambda b: f"{len(b.scene.pins)} pins" if b.scene.pins else "",
     "explicit": _solver("explicit"),
-    "aero": lambda b: "a cloth has drag or lift" if any(c.drag or c.lift for c in b.scene.cloths) else "",
+    "aero": lambda b: "a cloth has drag or lift" if any(c.feels_air for c in b.scene.cloths) else "",
     "implicit": _solver("implicit"),
     "xpbd": _xpbd,
     "contact": _contact,

@@ -63,6 +63,24 @@ def test_wind(more):
     everything_of_wind(Run, **more)
 
 
+@pytest.mark.parametrize("more", first_and_slow([
+    SWEEPS | {"integrator": "backward_euler"}, {"integrator": "leapfrog"},
+    {"solver": "implicit", "integrator": "bdf2", "substeps": 2}]))
+def test_the_normal_drag_of_a_fabric(more):
+    """By wind, places, stretch, and by the coefficient itself (which is not live: scenes with others)."""
+    def run_of(c=0.3) -> Run:
+        scene = sheet("springs", damping=2e-4, **more)
+        cloth = scene.cloths[0]
+        cloth.material, scene.wind = replace(cloth.material, normal_drag=c), (1.0, 3.0, 4.0)
+        return Run(scene)
+    run, way = run_of(), np.array([0.3, -0.5, 0.8])
+    run.check(run.gradient.wind() @ way, lambda s: ("/", "wind", (1.0, 3.0, 4.0) + s * way), 0.02)
+    run.material("stretch", 40.0)
+    run.state("positions", 1e-6)
+    losses = [run_of(0.3 + s).loss() for s in (1e-4, -1e-4)]
+    assert run.gradient.air_coefficient("normal_drag") == pytest.approx((losses[0] - losses[1]) / 2e-4, rel=1e-6)
+
+
 @pytest.mark.parametrize("more", [SWEEPS | {"integrator": "backward_euler"}, {"integrator": "leapfrog"},
                                   *({"solver": "implicit", "integrator": name, "substeps": 2}
                                     for name in ("bdf2", "implicit_midpoint"))])

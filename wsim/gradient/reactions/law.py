@@ -146,7 +146,7 @@ class Blown:
             return wp.zeros(count, dtype=dtype, device=device, requires_grad=True)
         self.x, self.v, self.still = (over(self.model.points, vec3) for _ in range(3))
         self.force, self.k = over(self.air.k.size, vec3), over(self.air.k.size, self.model.real)
-        self.read = [self.air.triangle, self.air.air, self.x, self.still, self.v, 1.0]
+        self.read = [self.air.triangle, self.air.ended, self.x, self.still, self.v, 1.0]
         self.corners = self.air.triangle.numpy()
 
     def evaluate(self, x: wp.array, v: wp.array) -> np.ndarray:

@@ -13,6 +13,7 @@ from wsim.kernels.math.real import types
 from wsim.model.model import Model
 from wsim.model.stage import ByWorld, Clock, Method, Methods, Stage
 from wsim.model.state import State
+from wsim.model.structs import filled
 from wsim.scene import Cloth, Scene
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 def wants(scene: Scene) -> str:
     """Reason why this method is needed, or ""."""
-    return "" if not any(c.drag or c.lift for c in scene.cloths) else "a cloth has drag or lift"
+    return "" if not any(c.feels_air for c in scene.cloths) else "a cloth has drag or lift"
 
 
 def build(b: Build) -> Aero:
@@ -38,19 +39,21 @@ class Aero(Method):
         super().__init__("aero", by_world=True)
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
-        cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and (b.source.drag or b.source.lift)]
+        cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and b.source.feels_air]
         triangles = model.shared(np.concatenate([b.triangles for b in cloths]))
         starts, items = topology.incident(triangles, model.points)
         self.triangle = model.upload(triangles, wp.vec3i)
         self.first, self.item = model.upload(starts.astype(np.int32), int), model.upload(items.astype(np.int32), int)
-        self.air = kernels.air(real)()
-        self.air.object = self.constants.object
-        rho = model.scene.air_density / 6.0
+        c, fields = self.constants, dict[str, wp.array]()
+        shares = {"drag": model.scene.air_density / 6.0, "lift": model.scene.air_density / 6.0, "normal_drag": 1.0 / 3.0}
         each = [b.count if model.by_point else 1 for b in model.bodies]        # rows, as of points
-        self.air.wind = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (sum(each), 1)), t.vec3)
-        for name in ("drag", "lift"):
-            values = np.repeat([rho * getattr(b.source, name, 0.0) for b in model.bodies], each)
-            setattr(self.air, name, model.upload(values, t.scalar))
+        fields["wind"] = model.upload(np.tile(np.asarray(model.scene.wind, model.dtype), (sum(each), 1)), t.vec3)
+        for name, share in shares.items():
+            values = np.repeat([share * b.source.air[name] if isinstance(b.source, Cloth) else 0.0 for b in model.bodies], each)
+            fields[name] = model.upload(values, t.scalar)
+        # of velocities where substeps end, and of predicted ones: explicit steps have all forces in those
+        self.ended, self.air = (filled(kernels.air(real), object=c.object, gravity=c.gravity, w=c.w, fall=fall, **fields)
+                                for fall in (0.0, float(points.integrator.g > 0.0)))
         self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
         self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
         self.taken, self.offers = taken, {"air": self.air, "wind": self}

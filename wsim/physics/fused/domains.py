@@ -26,7 +26,7 @@ from wsim.physics.cloth.elements import Elements
 from wsim.physics.fused.plan import FOUR, Plan
 from wsim.physics.motion.cluster import LARGE, MANY
 from wsim.physics.soft.fem import Tetrahedra
-from wsim.scene import Surface
+from wsim.scene import Cloth, Surface
 from wsim.scene.check import sharp
 from wsim.scene.methods import carried
 
@@ -198,7 +198,7 @@ def apart(pull) -> bool:
 
 def fanned(pull) -> bool:
     """True if all triangles that air acts on are membranes."""
-    triangles = [b.triangles for b in pull.model.bodies if getattr(b.source, "drag", 0.0) or getattr(b.source, "lift", 0.0)]
+    triangles = [b.triangles for b in pull.model.bodies if isinstance(b.source, Cloth) and b.source.feels_air]
     have = [e.ids for e in pull.elements if isinstance(e, Elements) and e.kind == "membrane"]
     return bool(have) and {*map(tuple, np.sort(np.concatenate(triangles), axis=1).tolist())} <= {
         *map(tuple, np.sort(have[0], axis=1).tolist())}
@@ -244,7 +244,7 @@ class Sheets:
 
     def meet(self, air) -> None:
         """air: struct of kernels/cloth/air.py."""
-        for name in ("wind", "drag", "lift"):
+        for name in ("wind", "drag", "lift", "normal_drag"):
             setattr(self.data, name, getattr(air, name))
 
     def bear(self, loads) -> None:

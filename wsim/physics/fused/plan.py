@@ -70,5 +70,5 @@ class Plan:
         reals = 12 * (self.triangles + self.bent) + self.triangles + 2 * self.bent + self.hinges + self.bent
         integers = 2 * (self.triangles + self.hinges) + self.bent + self.moments + 2 * self.own + self.forces + self.pushes
         reals += tet_elements.WORDS * self.tets
-        return (FOUR * (vectors + (2 + self.air) * self.triangles) + reals + (1 + 2 * self.air) * self.triangles
+        return (FOUR * (vectors + (2 + self.air) * self.triangles) + reals + (1 + 3 * self.air) * self.triangles
                 + integers + 4 * FOUR + (limits(self) if self.edges else 0))

@@ -15,9 +15,9 @@ from wsim.scene.values.value import Value, holder
 
 # what a value needs at the start of a scene to do anything: why it does nothing, in words, "" where it does
 NEEDS: dict[str, Callable[[Any, str, Scene], str]] = {
-    "air": lambda thing, name, scene: "" if any(c.drag or c.lift for c in scene.cloths) or any(
+    "air": lambda thing, name, scene: "" if any(c.feels_air for c in scene.cloths) or any(
         r.drag or r.skin_drag for r in scene.things("Rods")) else
-    f"no cloth has drag or lift (wsim:drag, wsim:lift), and no rods have drag, so that {name} does nothing",
+    f"no cloth has drag or lift (wsim:drag, wsim:normalDrag, wsim:lift), and no rods have drag, so that {name} does nothing",
     "collider": lambda thing, name, scene: "" if scene.colliders else "there is no collider, so that friction does nothing",
     "throws": lambda thing, name, scene: "" if any(c.restitution for c in scene.colliders) else
     "no collider throws back at the start",

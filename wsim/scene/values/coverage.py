@@ -93,7 +93,7 @@ COVERED: list[Covered] = [
             f"{SOLVED}::test_what_is_thrown_back"),
     Covered(THROUGH, "muscles", *(f"{PULLED}::test_gradients_by_the_factors",) * 3),
     Covered(THROUGH, "loads", *(f"{LOADED}::{PUSH}",) * 3),
-    Covered(THROUGH, "wind (drag and lift)", *(f"{SWEPT}::test_wind",) * 3),
+    Covered(THROUGH, "wind (drag and lift, normal_drag of fabrics)", *(f"{SWEPT}::test_wind",) * 3),
     Covered(THROUGH, "free motion of rigid bodies", rigid=f"{FREELY}::test_a_free_symmetric_top_by_its_closed_form"),
     Covered(THROUGH, "joints of rigid bodies, their limits and drives",
             rigid=f"{JOINED}::test_every_kind_of_joint_has_the_slope_of_differences"),
@@ -181,8 +181,8 @@ REFUSED: dict[str, Refused] = {
     "mass": Refused("the mass of a cloth or soft body", "is no spring net, which has a mass of its own; take density() or "
                     "masses()"),
     "lengths": Refused("rest lengths of a cloth", "is no spring net: it has no rest lengths of its own"),
-    "air": Refused("drag and lift where both are 0", "has no coefficient {name!r} with a derivative; drag and lift have one "
-                   "where one of both is not 0"),
+    "air": Refused("drag and lift where both are 0", "has no coefficient {name!r} with a derivative; drag, lift and "
+                   "normal_drag have one where one of them is not 0"),
     "wind": Refused("wind that meets nothing", "no cloth has drag or lift, so that wind does nothing; leave it out"),
     "restitution": Refused("a restitution of 0", "its restitution is 0, and nothing is thrown back: no derivative; give it one "
                            "> 0"),

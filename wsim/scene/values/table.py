@@ -132,6 +132,8 @@ VALUES: list[Value] = [
     Value("Cloth", "thickness", "m", POSITIVE, live=False, usd=Usd(OWN, "wsim:thickness"), why=FIXED),
     *(Value("Cloth", name, "1", live=False, usd=Usd(FLAT, f"wsim:{name}"), why=f"{FIXED}, and no input; take air_coefficient()")
       for name in ("drag", "lift")),
+    Value("Cloth", "normal_drag", "kg/(m^2 s)", live=False, usd=Usd(OWN, "wsim:normalDrag"),
+          why=f"{FIXED}, and no input; take air_coefficient()"),
     Value("Cloth", "weld", "m", live=False, usd=Usd(FLAT, "wsim:weld", uniform=True), why="it says which points are one"),
     Value("Springs", "radius", "m", live=False, usd=Usd("WsimSpringsAPI", "wsim:radius"), why=FIXED),
     Value("Pin", "stiffness", "N/m", Range(strict=True, endless=True), live=False,

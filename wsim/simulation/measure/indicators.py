@@ -126,7 +126,7 @@ def closed(sim) -> bool:
     scene = sim.scene
     lossy = [bool(scene.colliders), scene.air_drag, bool(scene.varying or scene.loads)]
     lossy += [isinstance(value, Curve) for _, _, value, _ in sim.changes]
-    lossy += [c.material.damping or c.drag or c.lift or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
+    lossy += [c.material.damping or c.feels_air or c.tethers or isfinite(c.material.strain_limit) for c in scene.cloths]
     lossy += [s.damping or s.actuation for s in scene.springs] + [s.pressure for s in scene.softs]
     lossy += [m.damping or isfinite(m.yield_strain) for s in scene.softs for m in s.materials]
     return not (any(lossy) or scene.others) and all(_stays(sim, pin) for pin in scene.pins)

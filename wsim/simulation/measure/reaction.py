@@ -135,7 +135,7 @@ class Reactions:
         found = np.zeros((self.model.points, 3))
         if air is None:
             return found
-        inputs = [air.triangle, air.air, x, wp.zeros_like(v), v, 1.0]
+        inputs = [air.triangle, air.ended, x, wp.zeros_like(v), v, 1.0]
         self.model.launch(air.press, air.k.size, inputs, [air.force, air.k])
         each = air.force.numpy().astype(np.float64)
         for corner in air.triangle.numpy().T:

@@ -10,6 +10,7 @@
     gravity, air_drag     [m/s^2], [1/s]; a row for each body, or for each point with gradients=True or loads
                           (of what bears one it is written anew each substep, with what that adds)
     wind, drag, lift      [m/s]; air density / 6 times the coefficients; rows as gravity
+    normal_drag           a third of the coefficient [kg/(m^2 s)]; rows as gravity
     springs.stiffness, .damping, .rest     [N/m], [N s/m], [m] of entries; `index["springs"]`: spring of each, -1 padding
     dihedral.stiffness, .damping           [J], [s] of each hinge; membrane.stiffness, .damping [J], [s] of each triangle;
                                            under XPBD and Newton's method distance., dihedral., membrane.compliance
@@ -78,7 +79,7 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     found["inverse_masses"] = ArrayView(constants.w, index)
     found["gravity"], found["air_drag"] = ArrayView(constants.gravity, points), ArrayView(constants.decay, points)
     if air := plan.find("air"):
-        found |= {name: ArrayView(getattr(air, name), points) for name in ("wind", "drag", "lift")}
+        found |= {name: ArrayView(getattr(air, name), points) for name in ("wind", "drag", "lift", "normal_drag")}
     return found | _materials(plan)
 
 

@@ -1,8 +1,9 @@
 """RMS error [m] that each solver is predicted to leave after a fall through a body's size L, T = sqrt(2 L / g), before any is
 run: with steps h, tau = sqrt(L / g), omega the highest frequency of the scene,
 
-    leapfrog           LEAP g h^2, of what the wind moves LEAP (g + a) (1 + c T) h^2 (`_aired`), and what float32 rounds; on
-                       colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L where slivers have more mass
+    leapfrog           LEAP g h^2, of what the wind moves LEAP (g + a) (1 + c T) h^2 (`_aired`), DRAGGED c L h of a fabric's own
+                       drag c, and what float32 rounds; on colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L
+                       where slivers have more mass
     backward Euler     DRIFT h sqrt(g L) on what falls and swings, EULER on colliders
     XPBD               that of backward Euler, and what M sweeps over N springs in a row leave: `swept`
     BDF2, one Newton   SECOND g h^2 and TURNED (omega h)^2 h sqrt(g L): an edge that turns in a step strains by the square
@@ -21,6 +22,7 @@ import numpy as np
 
 from wsim.geometry.topology import areas
 from wsim.model.model import Body, Model, edge_lengths
+from wsim.scene import Cloth
 from wsim.scene.methods import collides
 
 DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
@@ -36,7 +38,8 @@ FALL = 9.81            # [m/s^2] where a scene has no gravity: something else mo
 EULER = 4.0            # as DRIFT, of backward Euler on colliders: a soft cloth on a ball 1, a soft cube that falls on a floor
                        # 4; a stiff one, which it does not let rebound, and a cloth that wrinkles 13 to 20, whatever the step
 SLOWED = 2.0           # a square metre of cotton by two corners, tau 0.3 ms, h 0.5 ms: 2.5 times what is said without it
-DRAGGED = 0.5          # error over c L h of BDF2 in air that slows by c [1/s]: that cloth, 40 steps: below 0.6
+DRAGGED = 0.5          # error over c L h of BDF2 in air that slows by c [1/s]: that cloth, 40 steps: below 0.6. Of leapfrog
+                       # 0.15, of a fabric's own drag (1 m of cotton and of silk by two corners at 0.5 s)
 LEAP = 1.5             # nets and sheets of 16 to 40 points a side, 18 to 60 substeps of 1/24 s: 1.2 to 1.5
 ROUNDED = 1e-5         # error over L that float32 leaves: 2e-6 to 1e-5 where leapfrog's own is less
 SLIVERS = 2e-3         # error over L that mass at slivers adds: the shirt, hung, after three frames, beside what float32 leaves
@@ -111,20 +114,37 @@ def leapfrog(model: Model, bodies: list[Fall], h: float) -> float:
     hit = drift(bodies, h, HIT) if collides(model.scene) else 0.0
     own = max((LEAP * (b.g + a) * (1.0 + c * (2.0 * b.size / b.g)**0.5) * h * h
                for b, (a, c) in zip(bodies, _aired(model), strict=True)), default=0.0)
-    return own + ROUNDED * size(model) + hit
+    return own + ROUNDED * size(model) + hit + slowed(model, bodies, h)
+
+
+def slowed(model: Model, bodies: list[Fall], h: float, more: float = 0.0) -> float:
+    """Error [m] of the drag that fabrics have of their own, and of further drag [1/s], which are of order 1."""
+    rate = more + max((normal_decay(b) for b in model.bodies if b.world == 0), default=0.0)
+    return DRAGGED * rate * h * max((b.size for b in bodies), default=0.0)
 
 
 def _aired(model: Model) -> list[tuple[float, float]]:
-    """Acceleration a [m/s^2] that the wind gives each body of `falls`, and the rate c = 2 a / speed [1/s] at which the air
-    takes the body with it: what sways in it errs by 1 + c T of what hangs."""
+    """Acceleration a [m/s^2] that the wind gives each body of `falls`, and the rate c [1/s] at which the air takes the body
+    with it, of quadratic drag 2 a / speed: what sways in it errs by 1 + c T of what hangs."""
     found, scene = [], model.scene
     speed = float(np.linalg.norm(scene.wind))
     for body in (b for b in model.bodies if b.world == 0 and len(b.edges)):
-        force = scene.air_density * speed * (getattr(body.source, "drag", 0.0) + getattr(body.source, "lift", 0.0))
-        area = float(areas(body.rest, body.triangles - body.first).sum()) if force else 0.0
-        c = force * area / float(body.masses.sum())
-        found.append((0.5 * c * speed, c))
+        air = body.source.air if isinstance(body.source, Cloth) else {}
+        c = scene.air_density * speed * (air.get("drag", 0.0) + air.get("lift", 0.0)) * _area_by_mass(body) if air else 0.0
+        own = normal_decay(body)
+        found.append(((0.5 * c + own) * speed, c + own))
     return found
+
+
+def normal_decay(body: Body) -> float:
+    """Rate [1/s] at which the normal drag of its material slows a body."""
+    c = body.source.air["normal_drag"] if isinstance(body.source, Cloth) else 0.0
+    return c * _area_by_mass(body) if c else 0.0
+
+
+def _area_by_mass(body: Body) -> float:
+    """[m^2/kg]."""
+    return float(areas(body.rest, body.triangles - body.first).sum()) / float(body.masses.sum())
 
 
 def euler(model: Model, bodies: list[Fall], h: float, sweeps: int = 0) -> float:
@@ -139,7 +159,7 @@ def newton(model: Model, bodies: list[Fall], h: float, name: str, omega: float) 
     scene = model.scene
     flown = any(c.drag or c.lift for c in scene.cloths)
     first = drift(bodies, h, EULER) if collides(scene) else drift(bodies, h) if flown else \
-        DRAGGED * scene.air_drag * h * max((b.size for b in bodies), default=0.0)
+        slowed(model, bodies, h, scene.air_drag)
     own = max(((THIRD if name == "sdirk3" else SECOND) * b.g * h * h for b in bodies), default=0.0)
     turned = 0.0 if scene.softs else TURNED * (omega * h)**2 * drift(bodies, h, 1.0)
     return own + first + turned

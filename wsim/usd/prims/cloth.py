@@ -166,7 +166,8 @@ def apply_cloth(mesh: Usd.Prim, cloth: Cloth, units: Units) -> None:
     author(mesh, "Elements", "rest_angles", "flat" if cloth.flat else "restShape")
     author_maps(mesh, cloth, units)
     for field in OWN:
-        author(mesh, "Cloth", field, getattr(cloth, field), units)
+        if getattr(cloth, field) is not None:                  # drag: that of the material counts
+            author(mesh, "Cloth", field, getattr(cloth, field), units)
 
 
 def author_cloth_prim(stage: Usd.Stage, cloth: Cloth, material: str, units: Units, frames: int) -> None:

@@ -31,7 +31,7 @@ class Reasons:
         found += ["smoothed contacts (wsim:contactWidth)"] * bool(scene.contact_width and scene.colliders and points)
         found += [f"load {load.path}, which varies" for load in scene.loads if np.ptp(load.curve.values, axis=0).any()]
         self.works, blown = works, np.any(scene.wind) or any(v.name == "wind" for v in scene.varying)
-        found += ["wind"] * bool(blown and any(c.drag or c.lift for c in scene.cloths) and not works.wind)
+        found += ["wind"] * bool(blown and any(c.feels_air for c in scene.cloths) and not works.wind)
         found += [f"{v.name} of {v.path}, which varies" for v in scene.varying if v.name not in ("gravity", "wind")]
         found += [f"drive of {j.path}, per mass" for j in scene.things("Joint") if j.enabled
                   for d in j.drives.values() if d.acceleration and (d.stiffness or d.speed)][:1]
