@@ -210,8 +210,9 @@ def test_a_plane_of_a_foreign_stage_faces_along_its_axis(read):
     assert np.allclose(scene.colliders[0].motion.at(0.0)[:3, 2], (0, 1, 0))
 
 
-def test_a_cloth_under_an_animated_parent_moves_with_it_exactly_at_the_frames(read, tmp_path):
-    parent = ('def Xform "up" {\nfloat xformOp:rotateZ.timeSamples = {0: 0, 7.5: 100, 20: -30}\n'
+def test_a_cloth_under_an_animated_parent_moves_with_it_exactly_at_frames_and_between(read, tmp_path):
+    """Along arcs, as USD evaluates ops; of doubles, as USD rounds floats between samples."""
+    parent = ('def Xform "up" {\ndouble xformOp:rotateZ.timeSamples = {0: 0, 7.5: 100, 20: -30}\n'
               'double3 xformOp:translate = (5, 0, 0)\n'
               'uniform token[] xformOpOrder = ["xformOp:rotateZ", "xformOp:translate"]\n')
     scale = 'float3 xformOp:scale = (1, -2, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"]'
@@ -219,7 +220,7 @@ def test_a_cloth_under_an_animated_parent_moves_with_it_exactly_at_the_frames(re
                  header="metersPerUnit = 0.01\nstartTimeCode = 2\nendTimeCode = 26")
     stage = Usd.Stage.Open(str(tmp_path / "scene.usda"))
     prim = stage.GetPrimAtPath("/up/cloth")
-    for frame in range(25):
+    for frame in np.linspace(0.0, 24.0, 73).tolist():
         M = np.array(UsdGeom.XformCache(Usd.TimeCode(2 + frame)).GetLocalToWorldTransform(prim))
         seen = np.array([Gf.Vec3d(*p) for p in ((0, 0, 0), (100, 100, 0))]) @ M[:3, :3] + M[3, :3]
         ours = scene.cloths[0].motion.points(np.array([(0, 0, 0), (1, 1, 0)]), frame / 24.0)

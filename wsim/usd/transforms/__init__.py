@@ -9,7 +9,8 @@ Written. A prim that moves has one matrix op, sampled at the keys and at the fra
 matrix by its elements, Motion turns at constant speed); the exact times of the keys, and the kind of a motion, are noted
 beside the samples, and a load uses them as long as the motion that they give agrees with the samples.
 
-Splines. Where a prim, or one above it, has a spline, `exact` is the same stack of ops by their own curves (stack.py).
+Stacks. Where a prim, or one above it, has a spline, or what turns carries the prim along an arc, `exact` is the same stack of
+ops by their own curves (stack.py): between frames a tile of a turntable would go along chords, and slip below what it carries.
 """
 
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from wsim.usd.transforms.splines import splined
 
 MATRIX_OP = "xformOp:transform"
 ROUNDING = 1e-14                   # of a matrix that is 1
+COARSE = 1e-5                      # of the places of a motion along an arc; USD interpolates float32 to 1e-6
 RIGID = 1e-9                       # |R^T R - I| below which a transform counts as rigid; float32 authoring gives 1e-7
 
 
@@ -71,7 +73,7 @@ def placement(reading: Reading, prim: Usd.Prim) -> Placement:
         codes = _codes(reading, prim)
         times = np.zeros(1) if codes is None else reading.units.time(codes)
         found = _sampled(reading, prim, [reading.units.start] if codes is None else codes, times)
-        found.exact = None if codes is None else _exact(reading, prim)
+        found.exact = None if codes is None else _exact(reading, prim, found)
         return found
     except (Tf.ErrorException, TypeError, ValueError, IndexError):
         raise SceneError(Problem(str(prim.GetPath()), "its transform, or one above it, cannot be read: an xformOp has a value "
@@ -142,21 +144,36 @@ def _codes(reading: Reading, prim: Usd.Prim) -> np.ndarray | None:
     return np.unique(np.concatenate([frames, np.array(sorted(samples), np.float64)]))
 
 
-def _exact(reading: Reading, prim: Usd.Prim) -> Motion | None:
-    """By splines: local to world less the trailing scale; None where there is none, or an op cannot be followed (noted)."""
+def _exact(reading: Reading, prim: Usd.Prim, found: Placement) -> Motion | None:
+    """Local to world less the trailing scale, by splines and along arcs; None where there are none, an op cannot be followed
+    (noted where it is a spline), or an arc is not where `found` is at its keys (USD interpolates half floats coarsely)."""
     chain = [x.GetOrderedXformOps() for x in _chain(prim)]
-    if not any(splined(op.GetAttr()) for ops in chain for op in ops):
+    curved = any(splined(op.GetAttr()) for ops in chain for op in ops)
+    if UsdGeom.Xformable(prim) and _trailing(chain[0]):
+        chain[0] = chain[0][:-1]
+    ops = [op for each in chain[::-1] for op in each]                # outermost first
+    if not curved and not _carried_round(ops, reading.start):
         return None
     from wsim.scene.curve import Stack
     from wsim.usd.transforms.stack import parts
-    if UsdGeom.Xformable(prim) and _trailing(chain[0]):
-        chain[0] = chain[0][:-1]
     try:
-        found = parts(reading, [op for ops in chain[::-1] for op in ops])
+        inner = parts(reading, ops)
     except ValueError as why:
-        found = None
+        inner = None
         reading.warn(prim.GetPath(), f"{why} in its xformOps: they are evaluated at frames, and turn evenly between them")
-    return None if found is None else Stack(found)
+    exact = None if inner is None else Stack(inner)
+    if exact is None or curved:
+        return exact
+    away = np.abs(exact.sampled(found.times) - found.frame).max()
+    return exact if away <= COARSE * max(1.0, np.abs(found.frame).max()) else None
+
+
+def _carried_round(ops: list, start: Usd.TimeCode) -> bool:
+    """Whether an op that turns over time has an op of a place within it (ops outermost first)."""
+    turns = [k for k, op in enumerate(ops) if op.GetAttr().ValueMightBeTimeVarying()
+             and ("rotate" in op.GetName() or "orient" in op.GetName())]
+    return bool(turns) and any(op.GetAttr().ValueMightBeTimeVarying() and "translate" in op.GetName()
+                               or np.any(op.GetOpTransform(start).ExtractTranslation()) for op in ops[turns[0] + 1:])
 
 
 def _noted(reading: Reading, prim: Usd.Prim) -> Placement | None:

@@ -158,8 +158,8 @@ class Contacts:
         if self.method.sleep and self.poses_of and self.poses_of != known:
             self.method.sleep.wake()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
-        M = np.array([[c.motion.at(time + h * k) for c in self.colliders] for k in range(rows + moves)])
-        M = M.reshape(rows + moves, n, 4, 4)
+        times = time + h * np.arange(rows + moves)
+        M = np.array([c.motion.sampled(times) for c in self.colliders]).reshape(n, rows + moves, 4, 4).swapaxes(0, 1)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:

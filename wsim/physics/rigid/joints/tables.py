@@ -183,7 +183,7 @@ class Joints:
         if self.known == known and not moves:
             return
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.joints)
-        M = np.array([[j.motion.at(time + h * k) for j in self.joints] for k in range(rows + moves)])
+        M = np.array([j.motion.sampled(time + h * np.arange(rows + moves)) for j in self.joints]).swapaxes(0, 1)
         local = [(j.at0, j.turn0) if a < 0 else (j.at1, j.turn1) for j, (a, _) in zip(self.joints, self.pairs, strict=True)]
         q = rotation.multiply(rotation.quaternion(M[:, :, :3, :3]), np.array([turn for _, turn in local]))
         x = np.einsum("knij,nj->kni", M[:, :, :3, :3], np.array([at for at, _ in local])) + M[:, :, :3, 3] - self.anchor

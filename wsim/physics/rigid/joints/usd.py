@@ -98,7 +98,7 @@ def _side(reading: Reading, api: UsdPhysics.Joint, k: int, target, body) -> dict
     frames[:, :3, :3] = [R for R, _ in parts]
     at = parts[0][1] @ at
     if body is None:
-        return {f"at{k}": at, f"turn{k}": q, "motion": Motion(place.times, frames), "still": str(target.GetPath())}
+        return {f"at{k}": at, f"turn{k}": q, "motion": place.follow(frames), "still": str(target.GetPath())}
     own = placement(reading, body)
     M = own.frame[0].copy()
     M[:3, :3] = split(own.linear[0])[0]
