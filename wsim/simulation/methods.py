@@ -62,7 +62,7 @@ class Build:
     @property
     def edges(self) -> bool:
         """True if edges of cloths meet colliders."""
-        if not (self.scene.colliders and self.scene.cloths):
+        if not (self.scene.cloths and (self.scene.colliders or self.scene.others)):
             return False
         from wsim.scene.check.sharp import meets
         return meets(self.scene) and not self.model.gradients

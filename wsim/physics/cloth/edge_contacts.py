@@ -16,7 +16,7 @@ from wsim.kernels.cloth.edge_contact import gather, sites
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.scene.check.chord import breadth
-from wsim.scene.check.sharp import has_edges, sharp
+from wsim.scene.check.sharp import has_edges
 
 MORE = 8               # contacts of a point beyond those of points; more are made room for, and the frame is repeated
 
@@ -47,10 +47,8 @@ class EdgeContacts:
         """contacts: `wsim.physics.contact.contacts.Contacts`, of which those of sites are behind those of points; short:
         steps are explicit."""
         self.model, self.contacts, rows = model, contacts, contacts.rows
-        paths = {c.path for c in model.scene.colliders}
-        known = np.array([c.path in paths and sharp(c) for c in rows.colliders], bool)[rows.collider]
-        each = [np.flatnonzero(known[first:last]) + first if has_edges(b.source) else np.zeros(0, int)
-                for b, first, last in zip(model.bodies, rows.first[:-1], rows.first[1:], strict=True)]
+        known = rows.sharp(np.array([has_edges(b.source) for b in model.bodies]))
+        each = [np.flatnonzero(known[first:last]) + first for first, last in zip(rows.first[:-1], rows.first[1:], strict=True)]
         size = LOT if model.device.is_cpu else 1
         made = [_lots(model.shared(b.triangles), size) for b, own in zip(model.bodies, each, strict=True) if len(own)]
         corner, (lot, member) = np.concatenate(made), _members(np.concatenate(made), size)

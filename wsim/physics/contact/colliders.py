@@ -14,6 +14,7 @@ from wsim.geometry.rotation import quaternion
 from wsim.physics.contact.mesh import Mesh
 from wsim.scene import Collider, Problem, SceneError, Surface
 from wsim.scene.check import chord
+from wsim.scene.check.sharp import sharp
 from wsim.scene.solids import row
 
 RIGID = 1e-4           # how far a collider's axes may be from orthonormal: float32 matrices of a stage reach 1e-6
@@ -81,19 +82,27 @@ class Rows:
                     [s[0] for s in shapes], np.array([s[1] for s in shapes]).reshape(-1, 3),
                     np.array([s[2] for s in shapes], np.float64))
 
-    def live(self, breadth: np.ndarray, reach: np.ndarray, whole: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def live(self, breadth: np.ndarray, reach: np.ndarray, whole: np.ndarray | None = None,
+             edged: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Distance kept [m], (rows,), and friction, (rows, 2), which may change while a scene runs. breadth and reach [m] of
         objects, (objects,): what `wsim.scene.check.chord` takes where no thickness is authored. whole: objects of which no
-        chord cuts into a mesh, (objects,)."""
+        chord cuts into a mesh, (objects,). edged: rows whose object meets them by its edges, (rows,)."""
         radius = [chord.radius(c) if c.thickness is None else inf for c in self.colliders]
         least = [0.0 if m is None else m.least_gap for m in self.meshes]
         objects = np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
         gap = []
-        for o, k in zip(objects, self.collider, strict=True):
+        for r, (o, k) in enumerate(zip(objects, self.collider, strict=True)):
             own, met = self.colliders[k].thickness, whole is not None and whole[o] and self.meshes[k] is not None
+            met = met or (edged is not None and bool(edged[r]))
             gap.append(max(least[k], (0.0 if met else chord.hidden(breadth[o], radius[k]) - reach[o]) if own is None else own))
         friction = np.array([(c.static_friction, c.dynamic_friction) for c in self.colliders]).reshape(-1, 2)
         return np.array(gap, np.float64), friction[self.collider]
+
+    def sharp(self, edged: np.ndarray | None) -> np.ndarray:
+        """Rows of sharp colliders (`wsim.scene.check.sharp`) and of objects whose edges meet them, (rows,). edged: these objects,
+        (objects,), or None."""
+        known = np.array([edged is not None and edged.any() and sharp(c) for c in self.colliders], bool)[self.collider]
+        return known if edged is None else known & np.repeat(edged, np.diff(self.first))
 
     def of(self, path: str, objects: list[int]) -> list[int]:
         """Rows of the collider of that path among these objects."""

@@ -53,6 +53,7 @@ class Bodies:
     breadth: np.ndarray                  # of each object's faces [m], (objects,), see `wsim.scene.check.chord`
     thin: np.ndarray                     # least `reach` of each object's points [m], (objects,)
     whole: np.ndarray | None = None      # whether all of its triangles meet meshes (`wsim.physics.selfcontact`), (objects,)
+    edged: np.ndarray | None = None      # whether its edges meet sharp colliders (`wsim.physics.cloth.edge_contacts`), (objects,)
 
 
 class Contacts:
@@ -73,7 +74,7 @@ class Contacts:
         self.meshes = {key: Mesh.build(c, turned) for key, c in surfaces.items()}
         self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
         self.kinds = _kinds(self.rows.kind)
-        self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin, bodies.whole)
+        self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin, bodies.whole, self.rows.sharp(bodies.edged))
         self.wanted = wp.zeros(1, dtype=int, device=self.device)
         self.substeps, self.dt = 0, dt
         self.time: float | None = None

@@ -65,13 +65,15 @@ class Contact(Method):
         if model.by_point:                               # there each point has a row of its own
             own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
         each = [faces(b) for b in model.bodies]
+        self.edged = sharp.meets(model.scene) and not model.gradients
         of = [[*colliders, *movers.colliders(b.world)] for b in model.bodies] if movers else [colliders] * len(model.bodies)
         bodies = Bodies(of, np.stack([b.origin for b in model.bodies]), own, points.constants.w, model.stack("reach"),
                         np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
                         model.shared(np.concatenate(each)),
                         np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
                         np.array([b.reach.min() for b in model.bodies]),
-                        np.array([getattr(b.source, "self_collision", False) for b in model.bodies]))
+                        np.array([getattr(b.source, "self_collision", False) for b in model.bodies]),
+                        np.array([sharp.has_edges(b.source) for b in model.bodies]) if self.edged else None)
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
@@ -119,7 +121,7 @@ class Contact(Method):
             broad.listed(self.contacts)
         if self.contacts.search_kernel is None:
             self.contacts.searches()
-        if sharp.meets(self.model.scene) and not self.model.gradients:
+        if self.edged:
             from wsim.physics.cloth.edge_contacts import EdgeContacts
             self.contacts.edges = EdgeContacts(self.model, self.contacts, explicit)
 

@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from wsim.scene import Collider, Motion, Problem, Scene, Surface
-from wsim.scene.check import chord, signed_distance
+from wsim.scene.check import chord, sharp, signed_distance
 from wsim.scene.check.objects import warning
 from wsim.scene.methods import dressed, every
 from wsim.scene.solids import row
@@ -46,7 +46,8 @@ def kept(scene: Scene) -> list[tuple[str, str, float, float]]:
     for body in scene.bodies() if scene.colliders else ():
         c, reach = chord.body_breadth(body), chord.body_reach(body)
         for collider in scene.colliders:
-            needed = max(chord.hidden(c, chord.radius(collider)) - reach, 0.0)
+            met = sharp.has_edges(body) and scene.contact_width == 0.0 and sharp.sharp(collider)
+            needed = 0.0 if met else max(chord.hidden(c, chord.radius(collider)) - reach, 0.0)
             found.append((collider.path, body.path, needed if collider.thickness is None else collider.thickness, needed))
     return found
 

@@ -62,12 +62,20 @@ def has_edges(body) -> bool:
 
 def meets(scene: Scene) -> bool:
     """True if a cloth of a scene meets a sharp collider by its edges, in runs without gradients."""
-    return scene.contact_width == 0.0 and any(map(has_edges, scene.cloths)) and any(map(sharp, scene.colliders))
+    return scene.contact_width == 0.0 and any(map(has_edges, scene.cloths)) and any(map(sharp, solids(scene)))
+
+
+def solids(scene: Scene) -> list[Collider]:
+    """Colliders of a scene, and those of its rigid bodies that meet points."""
+    if not scene.others:
+        return scene.colliders
+    from wsim.scene.check.contact import movers
+    return [*scene.colliders, *movers(scene)]
 
 
 def warn_of_gradients(scene: Scene) -> Problem:
     """What a run with gradients says of a scene that `meets`: its cloths meet colliders by points alone."""
-    cloth, collider = next(filter(has_edges, scene.cloths)).path, next(filter(sharp, scene.colliders)).path
+    cloth, collider = next(filter(has_edges, scene.cloths)).path, next(filter(sharp, solids(scene))).path
     return warning(cloth, f"its edges meet {collider} without gradients, and not in this simulation with gradients=True, where "
                    "points alone meet it: contacts of edges have no derivative, and the two differ",
                    "a collider without sharp edges", "round it, or compare with a simulation that has gradients=True too")
