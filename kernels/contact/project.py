@@ -112,6 +112,7 @@ def slots(real):
         n: wp.array(dtype=t.vec3)                 # (slots,)
         b: wp.array(dtype=t.scalar)               # [m]
         u: wp.array(dtype=t.vec3)                 # [m/s]
+        site: wp.array(dtype=int)                 # of those behind the point's own (kernels/cloth/edge_contact), where some are
 
     return Slots
 

@@ -211,9 +211,13 @@ def test_new_makes_a_scene_of_a_bare_mesh(tmp_path, capsys):
         attribute.Set(value)
     bare.Save()
     made = tmp_path / "made.usda"
-    assert wsim("new", "cloth", tmp_path / "bare.usda", "-o", made, "--fabric", "silk", "--ground", "0.5") == 0
+    words = ["new", "cloth", tmp_path / "bare.usda", "-o", made, "--fabric", "silk", "--ground", "0.5"]
+    assert wsim(*words) == 0
     assert f"wsim run {made}" in capsys.readouterr().out
     scene = load(str(made))
+    assert not scene.cloths[0].self_collision
+    made.unlink()
+    assert wsim(*words, "--self-collision") == 0 and load(str(made)).cloths[0].self_collision
     assert [c.path for c in scene.cloths] == ["/sheet_body/sheet"] and len(scene.colliders) == 1
     assert wsim("check", made) == 0
 

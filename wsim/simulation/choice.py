@@ -26,7 +26,7 @@ from wsim.physics.cloth.constraints import of_body
 from wsim.physics.motion.stability import needed
 from wsim.scene import Scene
 from wsim.scene.integrator import TABLE, Integrator
-from wsim.scene.methods import carried, collides, touches
+from wsim.scene.methods import carried, collides
 from wsim.simulation import cost
 from wsim.simulation.duration import percent
 from wsim.simulation.predicted import errors, sag, sweep_strain
@@ -209,15 +209,9 @@ def slowed(model: Model, rows) -> tuple[int, str]:
     return (_struck(model, needed(model.scene, TABLE["leapfrog"], *bound)), said) if said else (0, "")
 
 
-def known(model: Model) -> bool:
-    """False where the table does not know Newton's method of sheets: limits and tethers, surfaces that meet themselves, rigid
-    bodies that points touch."""
-    return not (_hard(model) or carried(model.scene) or touches(model.scene))
-
-
 def _newton(model: Model, omega: float) -> Choice | None:
     """BDF2 of sheets, one Newton step a substep, of as many as the wanted error takes."""
-    if not known(model):
+    if not errors.newton_known(model):
         return None
     bodies = falls(model)
     n = _within(model, model.scene.substeps, lambda h: errors.newton(model, bodies, h, "bdf2", omega))

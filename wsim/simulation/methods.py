@@ -61,11 +61,11 @@ class Build:
 
     @property
     def edges(self) -> bool:
-        """True if edges of cloths meet colliders."""
+        """True if edges of cloths meet colliders; not by Newton's method, which knows planes of points."""
         if not (self.scene.cloths and (self.scene.colliders or self.scene.others)):
             return False
         from wsim.scene.check.sharp import meets
-        return meets(self.scene) and not self.model.gradients
+        return meets(self.scene) and not self.model.gradients and self.choice.solver != "implicit"
 
     @property
     def alone(self) -> bool:

@@ -57,6 +57,7 @@ def sharps(real):
         felt: wp.array(dtype=t.vec4)         # normal there, and distance [m]
         side: wp.array(dtype=int)            # number of that normal; FAR: no edge from there can touch the collider
         touched: wp.array(dtype=int)         # 1: a site of the point has a contact, (points,)
+        begin: wp.array(dtype=int)           # contacts of the point before those of sites, (points,)
         met: wp.array(dtype=int)             # row of a site's contact, -1: none, (sites,)
         beta: wp.array(dtype=t.vec3)
         n: wp.array(dtype=t.vec3)

@@ -1,8 +1,12 @@
 """Contacts of a cloth's edges and triangles with sharp edges and corners of colliders."""
 
 import numpy as np
+import pytest
 
-from wsim import Box, Cone, Fabric, Motion, Scene, Simulation, fabric, shapes
+from tests.physics.rigid.test_contact import box
+from tests.physics.rigid.touch.test_blows import by
+from tests.physics.rigid.touch.touching import Mixed, run, scene
+from wsim import Box, Cone, Cylinder, Fabric, Motion, Scene, Simulation, fabric, shapes
 from wsim.geometry.rotation import about_axis
 
 APART = 3.0            # [m] between the cloths of a scene, each above a collider of its own
@@ -12,7 +16,7 @@ STANDS_OUT = 1e-3      # [m]
 UP, TILT = about_axis(np.array([1.0, 0, 0]), -np.pi / 2), about_axis(np.array([0.6, 0, 0.8]), 0.6)
 STRAIGHT = np.eye(3)
 SOLIDS = [(Box((0.4, 0.02, 0.3)), (0, 0, 0), STRAIGHT), (Box((0.2, 0.15, 0.2)), (0, -0.25, 0), TILT),
-          (Box((0.01, 0.2, 0.3)), (0, -0.16, 0), STRAIGHT)]
+          (Box((0.01, 0.2, 0.3)), (0, -0.16, 0), STRAIGHT), (Cylinder(0.25, 0.1), (0, -0.1, 0), UP)]
 
 
 def placed(turn, at):
@@ -35,6 +39,31 @@ def test_nothing_sharp_stands_out_between_points():
     x, keeps = sim.positions("/cloth0"), 0.5 * fabric("cotton").thickness
     inner = (np.abs(x[:, 0]) < 0.35) & (np.abs(x[:, 2]) < 0.25)                          # a cell from the rim, which bends it
     assert np.median(x[inner, 1] - 0.02 - keeps) < 1e-4
+    assert sim.positions("/cloth3")[:, 1].max() < 0.06 and [k for k in sim.report()["kept"] if "solid3" in k["collider"]] == []
+
+
+def test_sweeps_let_edges_turn_about_a_rim():
+    """As many sweeps as a stage has: nothing stands out, no energy is gained, and the flat top is lain on."""
+    s = Scene(frames=36, solver="xpbd")
+    s.cloth("/cloth", *shapes.sheet(1.2, 1.0, 24, 20, horizontal=True, at=(0, 0.06, 0)), material=fabric("cotton"))
+    s.collider("/box", Box((0.4, 0.02, 0.3)))
+    sim = Simulation(s, device="cpu")
+    sim.run()
+    report, x = sim.report(), sim.positions("/cloth")
+    on = (np.abs(x[:, 0]) < 0.401) & (np.abs(x[:, 2]) < 0.301)
+    assert report["warnings"] == [] and report["error"]["penetration"] < STANDS_OUT
+    assert x[on, 1].max() - 0.02 < 2e-3
+
+
+@pytest.mark.parametrize("way", ["leapfrog", "xpbd"])
+def test_a_box_that_flies_between_points_of_a_sheet_is_met_and_momentum_is_kept(way):
+    sim = run(scene(box("/box", (0.03, 0.15, 0.02), (0.05, 0.1, 0.05), velocity=(0.0, -2.0, 0.0), mass=0.2), gravity=(0, 0, 0),
+                    **by(way)))
+    before = Mixed(sim)
+    sim.run(6)
+    after = Mixed(sim)
+    assert after.speeds[0, 1] > -1.9 and sim.report()["error"]["penetration"] < STANDS_OUT
+    assert np.abs(after.momentum - before.momentum).max() < 1e-6 * after.moved
 
 
 def test_a_blow_at_a_site_is_that_of_its_weights():

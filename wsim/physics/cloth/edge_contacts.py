@@ -1,8 +1,8 @@
 """Contacts of a cloth's edges and triangles with colliders that have sharp edges or corners: three launches behind the search
-of points. Equations: kernels/cloth/edge_contact/sites.py.
+of points, and one in each sweep of XPBD. Equations: kernels/cloth/edge_contact/sites.py.
 
 Cloths that collide with themselves meet colliders by their surfaces (`wsim.physics.selfcontact`), and have none of these. Nor
-have recordings with gradients, scenes with a `contact_width`, rigid bodies, shapes of other places, meshes that are
+have recordings with gradients, Newton's method, scenes with a `contact_width`, shapes of other places, meshes that are
 open or deform, and those with few creases (`wsim.scene.check.sharp`).
 """
 
@@ -67,17 +67,19 @@ class EdgeContacts:
             site=up(site.astype(np.int32), int), points=model.points,
             every=EVERY if short else 1,
             q=zeros(many, t.vec3), felt=zeros(many, t.vec4), side=zeros(many, int),
-            touched=zeros(model.points, int), met=up(np.full(self.count, -1, np.int32), int), beta=zeros(self.count, t.vec3),
+            touched=zeros(model.points, int), begin=zeros(model.points, int),
+            met=up(np.full(self.count, -1, np.int32), int), beta=zeros(self.count, t.vec3),
             n=zeros(self.count, t.vec3), u=zeros(self.count, t.vec3), base=zeros(self.count, real), C=zeros(self.count, t.vec2))
         chord = np.zeros(len(rows.collider))
         for b, own in zip(model.bodies, each, strict=True):
             chord[own] = breadth(b.rest, b.triangles - b.first) if len(own) else 0.0
         contacts.table.chord.assign(chord.astype(contacts.dtype))
         self.keep()
+        contacts.edges = self                            # slots have room for numbers of sites
         contacts.grow(contacts.slots.capacity + MORE)
         kinds = tuple(k for k in contacts.kinds if k in {rows.kind[rows.collider[r]] for r in self.row})
         self.kernels = (sites.feel(kinds, real, model.module), sites.find(kinds, real, model.module),
-                        gather.gather(real, model.module))
+                        gather.gather(real, model.module), None if short else gather.renew(real, model.module))
 
     def keep(self) -> None:
         """Distances that sites keep of colliders [m]: the authored ones. Edges need none of what hides chords."""
@@ -88,7 +90,12 @@ class EdgeContacts:
     def search(self, at, d: wp.array, a: wp.array) -> None:
         """Launches; at: what the search of points read, behind which this stands. Writes d and a as it does."""
         c, launch = self.contacts, self.model.launch
-        feel, find, gather = self.kernels
+        feel, find, gather, _ = self.kernels
         launch(feel, self.model.points, [c.table, c.points, at], [self.data])
         launch(find, len(self.data.object), [c.table, c.points, at, self.data], [self.data])
         launch(gather, self.model.points, [c.table, c.points, at, self.data], [c.slots, d, a, c.push])
+
+    def renew(self, at) -> None:
+        """Launches planes of sites at the displacements of `at`, before a further sweep."""
+        c = self.contacts
+        self.model.launch(self.kernels[-1], self.model.points, [c.table, c.points, at, self.data, c.slots], [])

@@ -53,7 +53,7 @@ class Bodies:
     breadth: np.ndarray                  # of each object's faces [m], (objects,), see `wsim.scene.check.chord`
     thin: np.ndarray                     # least `reach` of each object's points [m], (objects,)
     whole: np.ndarray | None = None      # whether all of its triangles meet meshes (`wsim.physics.selfcontact`), (objects,)
-    edged: np.ndarray | None = None      # whether its edges meet sharp colliders (`wsim.physics.cloth.edge_contacts`), (objects,)
+    edged: np.ndarray | None = None      # whether its edges meet sharp colliders, (objects,)
 
 
 class Contacts:
@@ -160,8 +160,8 @@ class Contacts:
 
         def zeros(dtype):
             return wp.zeros(n * capacity, dtype=dtype, device=self.device)
-        s.row, s.n, s.b, s.u = zeros(int), zeros(t.vec3), zeros(t.scalar), zeros(t.vec3)
-        self.push = zeros(t.vec3)
+        s.row, s.n, s.b, s.u, self.push = zeros(int), zeros(t.vec3), zeros(t.scalar), zeros(t.vec3), zeros(t.vec3)
+        s.site = zeros(int) if self.edges else None
 
     def tell(self, wanted: wp.array) -> None:
         """Takes the word (first entry of an int array) for the room that a point wants."""
@@ -287,8 +287,7 @@ class Contacts:
         slot, point = np.nonzero(np.arange(len(row))[:, None] < count)
         given = push.reshape(-1, n, 3)[slot, point] / (w[point, None] * g)
         number = self.rows.collider[row[slot, point]]
-        total = np.zeros((len(self.rows.colliders), 3))
-        np.subtract.at(total, number, given)
+        np.subtract.at(total := np.zeros((len(self.rows.colliders), 3)), number, given)
         return {c.path: total[i] for i, c in enumerate(self.rows.colliders)}
 
 

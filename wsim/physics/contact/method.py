@@ -38,11 +38,11 @@ def build(b: Build) -> Contact:
     if b.model.gradients and b.clock.integrator.beyond:
         from wsim.scene.values.coverage import refuse
         raise refuse("ends", b.scene.colliders[0].path, integrator=b.clock.integrator.name)
-    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, movers)
+    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, movers, b.edges)
     if "contact" in (b.methods.find("taken") or ()):
         contact.stages.clear()                           # explicit steps know contacts themselves, see kernels/fused/contact.py
-    if b.model.gradients and sharp.meets(b.scene):
-        contact.offers["start"] = [sharp.warn_of_gradients(b.scene)]
+    if not b.edges and sharp.meets(b.scene):
+        contact.offers["start"] = [sharp.warn_of_gradients(b.scene) if b.model.gradients else sharp.warn_of_newton(b.scene)]
     if b.free:
         from wsim.physics.contact.clearance import Clearance
         contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))
@@ -52,9 +52,9 @@ def build(b: Build) -> Contact:
 class Contact(Method):
     """Points of every body against every collider. Raises SceneError for a collider that makes no sense."""
 
-    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, movers=None):
-        """points: the method that owns inverse masses and objects (`constants`) and the anchor; movers: what places colliders
-        of its own and takes what they are pushed by (`wsim.physics.rigid.touch.points.Touch`), or None."""
+    def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, movers=None, edged: bool = False):
+        """points: the method that owns inverse masses and objects (`constants`) and the anchor; movers: what places colliders of
+        its own and takes what they are pushed by (`wsim.physics.rigid.touch.points.Touch`), or None; edged: cloths' edges meet."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
@@ -65,7 +65,6 @@ class Contact(Method):
         if model.by_point:                               # there each point has a row of its own
             own = np.repeat(np.arange(len(model.bodies)), [b.count for b in model.bodies]).astype(np.int32)
         each = [faces(b) for b in model.bodies]
-        self.edged = sharp.meets(model.scene) and not model.gradients
         of = [[*colliders, *movers.colliders(b.world)] for b in model.bodies] if movers else [colliders] * len(model.bodies)
         bodies = Bodies(of, np.stack([b.origin for b in model.bodies]), own, points.constants.w, model.stack("reach"),
                         np.repeat([b.friction for b in model.bodies], [b.count for b in model.bodies], axis=0),
@@ -73,12 +72,12 @@ class Contact(Method):
                         np.array([chord.breadth(b.rest, f - b.first) for b, f in zip(model.bodies, each, strict=True)]),
                         np.array([b.reach.min() for b in model.bodies]),
                         np.array([getattr(b.source, "self_collision", False) for b in model.bodies]),
-                        np.array([sharp.has_edges(b.source) for b in model.bodies]) if self.edged else None)
+                        np.array([sharp.has_edges(b.source) for b in model.bodies]) if edged else None)
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
         self.contacts.launch, self.contacts.zero = model.launch, model.zero
-        self.short(points.integrator.explicit)
+        self.short(points.integrator.explicit, edged)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
         self.status = status
@@ -112,7 +111,7 @@ class Contact(Method):
             self.bounce = Bounce(self.model, self.state, self.points, self.contacts, self.prolonged)
             self.stages += self.bounce.stages
 
-    def short(self, explicit: bool) -> None:
+    def short(self, explicit: bool, edged: bool) -> None:
         """Parts that explicit steps have, which are many and short, and contacts of edges."""
         if self.movers is None:
             self.contacts.smooth(self.model.scene, explicit)
@@ -121,9 +120,9 @@ class Contact(Method):
             broad.listed(self.contacts)
         if self.contacts.search_kernel is None:
             self.contacts.searches()
-        if self.edged:
+        if edged:
             from wsim.physics.cloth.edge_contacts import EdgeContacts
-            self.contacts.edges = EdgeContacts(self.model, self.contacts, explicit)
+            EdgeContacts(self.model, self.contacts, explicit)
 
     def part(self, clearance) -> None:
         """Frames with contacts from those without."""
@@ -161,6 +160,8 @@ class Contact(Method):
             if self.press:
                 self.press(clock, g)
         elif self.after or not (self.solved and self.contacts.recorded):
+            if self.contacts.edges and not clock.integrator.explicit:
+                self.contacts.edges.renew(self.contacts.read(x=self.state.x, d=self.state.d, k=clock.k))
             self.contacts.project(g, self.state.d, self.anchor)
 
     def settle(self, clock: Clock) -> None:

@@ -11,6 +11,7 @@ from wsim.scene import Cloth, Collider, Problem, Scene, Surface
 from wsim.scene.check.chord import CREASE
 from wsim.scene.check.objects import warning
 from wsim.scene.check.signed_distance import closed
+from wsim.scene.methods import carried
 from wsim.scene.solids import Box, Cone, Cylinder
 
 EDGED = 2.5            # creases [m] / root of the area [m]: a cube has 4.9, a cylinder 3; a body with a few cuts is
@@ -61,21 +62,31 @@ def has_edges(body) -> bool:
 
 
 def meets(scene: Scene) -> bool:
-    """True if a cloth of a scene meets a sharp collider by its edges, in runs without gradients."""
+    """True if a cloth of a scene meets a sharp collider by its edges, in runs without gradients by sweeps or explicit steps."""
     return scene.contact_width == 0.0 and any(map(has_edges, scene.cloths)) and any(map(sharp, solids(scene)))
 
 
 def solids(scene: Scene) -> list[Collider]:
     """Colliders of a scene, and those of its rigid bodies that meet points."""
-    if not scene.others:
-        return scene.colliders
-    from wsim.scene.check.contact import movers
-    return [*scene.colliders, *movers(scene)]
+    return [*scene.colliders, *carried(scene)]
 
 
 def warn_of_gradients(scene: Scene) -> Problem:
     """What a run with gradients says of a scene that `meets`: its cloths meet colliders by points alone."""
-    cloth, collider = next(filter(has_edges, scene.cloths)).path, next(filter(sharp, solids(scene))).path
+    cloth, collider = _one_of_each(scene)
     return warning(cloth, f"its edges meet {collider} without gradients, and not in this simulation with gradients=True, where "
                    "points alone meet it: contacts of edges have no derivative, and the two differ",
                    "a collider without sharp edges", "round it, or compare with a simulation that has gradients=True too")
+
+
+def warn_of_newton(scene: Scene) -> Problem:
+    """What a run by Newton's method says of a scene that `meets`."""
+    cloth, collider = _one_of_each(scene)
+    return warning(cloth, f"its points alone meet {collider} by wsim:solver = implicit, and sharp edges may stand out of the cloth "
+                   "between them", "explicit, xpbd or auto, by which its edges meet it too",
+                   "name one of these, or turn wsim:selfCollision on")
+
+
+def _one_of_each(scene: Scene) -> tuple[str, str]:
+    """Paths of a cloth and of a sharp collider."""
+    return next(filter(has_edges, scene.cloths)).path, next(filter(sharp, solids(scene))).path

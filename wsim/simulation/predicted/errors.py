@@ -23,7 +23,7 @@ import numpy as np
 from wsim.geometry.topology import areas
 from wsim.model.model import Body, Model, edge_lengths
 from wsim.scene import Cloth
-from wsim.scene.methods import collides
+from wsim.scene.methods import carried, collides, touches
 
 DRIFT = 2.0            # RMS error of converged backward Euler over h sqrt(g L). 1 m cloth at 0.5 s, h of 1/240 to 1/960 s: 1.5
                        # to 2.1 (at 0.25 s 0.26: it grows with time)
@@ -163,3 +163,15 @@ def newton(model: Model, bodies: list[Fall], h: float, name: str, omega: float) 
     own = max(((THIRD if name == "sdirk3" else SECOND) * b.g * h * h for b in bodies), default=0.0)
     turned = 0.0 if scene.softs else TURNED * (omega * h)**2 * drift(bodies, h, 1.0)
     return own + first + turned
+
+
+def newton_known(model: Model) -> bool:
+    """False where the table does not know Newton's method of sheets: limits and tethers, surfaces that meet themselves, rigid
+    bodies that points touch; and where edges of a cloth meet sharp colliders, which that method leaves out."""
+    scene = model.scene
+    if any(r.hard for r in model.constraints) or carried(scene) or touches(scene):
+        return False
+    if not scene.colliders:
+        return True
+    from wsim.scene.check.sharp import meets
+    return not meets(scene)

@@ -19,6 +19,7 @@ from wsim.simulation import choice as choices
 from wsim.simulation import cost
 from wsim.simulation.choice import SOLVED, Choice
 from wsim.simulation.duration import percent
+from wsim.simulation.predicted import errors
 
 SPARE = 1.3            # of the time that there is: what the table may be off by
 WORTH = 0.95           # of the error with half as many substeps, above which the other half is not worth its time
@@ -83,7 +84,7 @@ def _ways(model: Model) -> Iterator[tuple[int, Callable[[int], Choice]]]:
         own = named or TABLE["backward_euler"]
         for m in SWEEPS:
             yield 1, _of("xpbd", own, m)
-    if scene.solver == "implicit" or scene.softs or free and choices.known(model):
+    if scene.solver == "implicit" or scene.softs or free and errors.newton_known(model):
         omega, m = cost.highest(model), SOLVED if scene.softs else 1
         for own in _integrators(model, named):
             yield 1, _of("implicit", own, m, omega)
