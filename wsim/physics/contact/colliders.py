@@ -99,7 +99,7 @@ class Rows:
         return np.array(gap, np.float64), friction[self.collider]
 
     def sharp(self, edged: np.ndarray | None) -> np.ndarray:
-        """Rows of sharp colliders (`wsim.scene.check.sharp`) and of objects whose edges meet them, (rows,). edged: these objects,
+        """Rows of sharp colliders (`wsim.scene.check.sharp`) and objects whose edges meet them, (rows,). edged: these objects,
         (objects,), or None."""
         known = np.array([edged is not None and edged.any() and sharp(c) for c in self.colliders], bool)[self.collider]
         return known if edged is None else known & np.repeat(edged, np.diff(self.first))

@@ -53,8 +53,8 @@ class Contact(Method):
     """Points of every body against every collider. Raises SceneError for a collider that makes no sense."""
 
     def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, movers=None, edged: bool = False):
-        """points: the method that owns inverse masses and objects (`constants`) and the anchor; movers: what places colliders of
-        its own and takes what they are pushed by (`wsim.physics.rigid.touch.points.Touch`), or None; edged: cloths' edges meet."""
+        """points: the method that owns inverse masses and objects and the anchor; movers: what has colliders of its
+        own and takes what they are pushed by (`wsim.physics.rigid.touch.points.Touch`), or None; edged: edges meet."""
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step

@@ -82,8 +82,8 @@ def warn_of_gradients(scene: Scene) -> Problem:
 def warn_of_newton(scene: Scene) -> Problem:
     """What a run by Newton's method says of a scene that `meets`."""
     cloth, collider = _one_of_each(scene)
-    return warning(cloth, f"its points alone meet {collider} by wsim:solver = implicit, and sharp edges may stand out of the cloth "
-                   "between them", "explicit, xpbd or auto, by which its edges meet it too",
+    return warning(cloth, f"its points alone meet {collider} by wsim:solver = implicit, and sharp edges may stand out "
+                   "of the cloth between them", "explicit, xpbd or auto, by which its edges meet it too",
                    "name one of these, or turn wsim:selfCollision on")
 
 
