@@ -21,6 +21,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate, normalized, rotate
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.joint.elimination import Linked
+from wsim.kernels.rigid.joint.steps import functions
 from wsim.kernels.rigid.joint.tables import LOCKED, NONE
 from wsim.kernels.rigid.motion import double, structs
 
@@ -61,9 +62,21 @@ def balance_bodies(real):
                      enable_backward=False)
 
 
+@cache
+def place_joints(real):
+    """Kernel over islands: coordinates of joints where a frame begins."""
+    (Bodies, Moving), placed = structs(real), functions(real).placed
+
+    def place_joints(b: Bodies, now: Moving, J: Linked):
+        placed(wp.tid(), 0, b, now, J)
+
+    return wp.kernel(place_joints, name="place_joints", module=f"wsim_place_joints_{types(real).name}", enable_backward=False)
+
+
 @wp.kernel(module="wsim_balance_drives", enable_backward=False)
-def balance_drives(J: Linked, worlds: int, rows: wp.array(dtype=wp.vec4d)):
-    """Over (worlds x threads): the energy of the springs of drives, and the work of those that ask for a speed."""
+def balance_drives(J: Linked, worlds: int, begins: int, rows: wp.array(dtype=wp.vec4d)):
+    """Over (worlds x threads): the energy of the springs of drives, and the work of those that ask for a speed. begins: 1 with
+    the targets of where a frame begins, else of where it ends."""
     threads = rows.shape[0] // worlds
     world = wp.tid() // threads
     each = J.broken.shape[0] // worlds
@@ -79,7 +92,7 @@ def balance_drives(J: Linked, worlds: int, rows: wp.array(dtype=wp.vec4d)):
                 if J.t.drive[j, r] > NONE and k > wp.float64(0.0):
                     target = J.t.target[j, r]
                     if J.t.aiming == 1:
-                        target = J.t.aim[J.t.aim.shape[0] - 1, j, r]
+                        target = J.t.aim[(1 - begins) * (J.t.aim.shape[0] - 1), j, r]
                     y = wp.abs(J.now[j, r] - target)
                     f = J.t.most[j, r]
                     if k * y <= f:

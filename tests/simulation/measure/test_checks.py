@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wsim.physics.rigid.joints.joint import Drive, Joint, revolute
+from wsim.physics.rigid.joints.joint import Drive, Joint, all_locked, revolute
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Capsule, Collider, Load, Plane, Scene, Sphere, shapes
 from wsim.scene.curve import Curve, Motion
@@ -117,6 +117,15 @@ def test_a_spring_drive_that_swings_is_balanced():
     sim.run(90)
     assert sim.plan.find("balance").ledger.most.numpy()[0] == pytest.approx(2.0, rel=0.05)          # k / 2 of 1 rad
     assert sim.report(profile=False)["balance"]["rise"] < 0.01 and not sim.warnings
+
+
+def test_a_spring_that_starts_stretched_stores_energy_from_the_start():
+    """1 kg, 0.1 m from the rest of a spring of 1e4 N/m: half k y^2 = 50 J goes to and fro."""
+    box = body("/box", (0.1, 0.0, 0.0))
+    slide = Joint("/slide", body1="/box", limits=all_locked("transX"), drives={"transX": Drive(stiffness=1e4)})
+    sim = Simulation(scene(box, slide, gravity=(0.0, 0.0, 0.0)), **CPU)
+    sim.run(5)
+    assert sim.plan.find("balance").report()["rise"] < 1e-4 and not sim.warnings
 
 
 @pytest.mark.parametrize("make", ["bodies", "cloth", "implicit"])

@@ -96,7 +96,7 @@ class Balance(Method):
         if self.begun:
             self.ledger.gift.fill_(inf)
             self.set_aside()
-            self.close(clock)
+            self.close(begins=True)
         self.why, speed = self.reasons.of_frame(time, clock.dt)
         gift = 2.0 * self.mass * speed**2 if self.why else -1.0
         if gift != self.gift or self.begun:
@@ -121,13 +121,13 @@ class Balance(Method):
 
     def check(self, clock: Clock) -> None:
         """Launches all checks of a frame."""
-        self.close(clock)
+        self.close()
         if self.figures:
             self.figures.launch(clock.h)
 
-    def close(self, clock: Clock) -> None:
-        """Launches the terms and the balance."""
-        self.terms.launch()
+    def close(self, begins: bool = False) -> None:
+        """Launches the terms and the balance. begins: where a frame begins."""
+        self.terms.launch(begins)
         self.model.launch(ledger.close_frame, self.model.worlds, [self.terms.rows, len(self.terms.each), PART, self.ledger],
                           [self.status.word(WORD)])
 

@@ -133,9 +133,9 @@ class Terms:
         self.each.append(self.sum_bodies)
         joints = self.rigid.joints
         if joints and any(j.drives for j in joints.joints):
-            from wsim.kernels.rigid.checks import balance_drives
-            self.balance_drives = balance_drives
-            self.kernels.append(balance_drives)
+            from wsim.kernels.rigid.checks import balance_drives, place_joints
+            self.balance_drives, self.place_joints = balance_drives, place_joints(self.model.real)
+            self.kernels += [balance_drives, self.place_joints]
             self.each.append(self.sum_drives)
 
     def sum_bodies(self, rows: wp.array) -> None:
@@ -147,9 +147,13 @@ class Terms:
         self.model.launch(self.balance_bodies, rows.size, inputs, [rows])
 
     def sum_drives(self, rows: wp.array) -> None:
-        self.model.launch(self.balance_drives, rows.size, [self.rigid.joints.linked, self.worlds], [rows])
+        joints = self.rigid.joints
+        if self.begins:                                       # a run has no coordinates yet, or they are of another place
+            self.model.launch(self.place_joints, joints.islands, [self.rigid.table, self.rigid.moving(), joints.linked], [])
+        self.model.launch(self.balance_drives, rows.size, [joints.linked, self.worlds, int(self.begins)], [rows])
 
-    def launch(self) -> None:
-        """Launches all of them."""
+    def launch(self, begins: bool = False) -> None:
+        """Launches all of them. begins: where a frame begins."""
+        self.begins = begins
         for each, rows in zip(self.each, self.own, strict=True):
             each(rows)
