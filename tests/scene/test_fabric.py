@@ -34,10 +34,12 @@ def test_an_unknown_fabric_is_answered_with_the_known_ones():
 
 @pytest.mark.parametrize("name", ["leather", "rubber"])
 def test_isotropic_presets_are_one_material_of_one_thickness(name):
-    """Three stiffnesses of two moduli: S = E t, 2 (1 + nu) shear = S, 12 (1 - nu^2) bend = S t^2."""
+    """Three stiffnesses of two moduli: S = E t, 2 (1 + nu) shear = S, 12 (1 - nu^2) bend = S t^2; leather, which has layers,
+    bends more easily than a plate."""
     f = FABRICS[name]
     assert 2.0 * (1.0 + f.poisson) * f.shear == pytest.approx(f.stretch, rel=1e-14)
-    assert 12.0 * (1.0 - f.poisson ** 2) * f.bend == pytest.approx(f.stretch * f.thickness ** 2, rel=1e-14)
+    plate = f.stretch * f.thickness ** 2 / (12.0 * (1.0 - f.poisson ** 2))
+    assert f.bend < 0.1 * plate if name == "leather" else f.bend == pytest.approx(plate, rel=1e-14)
 
 
 def test_isotropic_sheet_of_round_figures():
@@ -57,7 +59,7 @@ def test_presets_order_as_the_hand_feels_them():
     order = ["silk", "cotton", "denim", "leather", "rubber"]
     masses = [area_density(FABRICS[name]) for name in order]
     assert masses == sorted(masses) and masses[0] == pytest.approx(0.0694, abs=1e-4)
-    bends = [FABRICS[name].bend for name in ("silk", "cotton", "denim", "rubber", "leather")]
+    bends = [FABRICS[name].bend for name in ("silk", "cotton", "denim", "leather", "rubber")]
     assert bends == sorted(bends)
     youngs = {name: f.stretch / f.thickness for name, f in FABRICS.items()}     # as a material, rubber is softer than
     assert youngs["rubber"] < min(youngs["leather"], youngs["cotton"], youngs["silk"])   # leather and tight weaves
@@ -73,6 +75,11 @@ def test_presets_lie_in_the_range_of_real_sheets(name):
     assert 0.01 < (f.bend / weight) ** (1 / 3) < 0.07
     assert weight * 1.0 / f.stretch < 0.02
     assert 0 < f.shear < f.stretch and f.dynamic_friction <= f.static_friction
+
+
+def test_cotton_bends_between_free_fibres_and_the_cloth_measured():
+    """The hinge coefficient of Wang, O'Brien, Ramamoorthi 2011 is four times the bending stiffness: 108 to 125 uN m."""
+    assert bend_of_fibres(0.220, 5.0e6, 14e-6) < FABRICS["cotton"].bend < 108e-6 / 4.0
 
 
 def test_denim_bends_between_the_limits_measured():
