@@ -30,6 +30,8 @@ from wsim.simulation.measure.checks.works import Works
 PART = 0.01            # of the largest kinetic energy so far
 FLOOR = 1e-3           # of the size of an object, over which its weight may work
 CREEP = 1e-4           # of the size of an object a frame: a speed that is none
+FIRST = 5              # frames in which what overlaps at the start is pushed apart
+APART = "; if shapes overlap where the run starts, move them apart"
 WORD = "energy gained"
 FIELDS = (Field("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),
           Field("balance_most", "J", True, "largest kinetic energy so far", "double"),
@@ -151,8 +153,13 @@ class Balance(Method):
         self.frames += 1
         for why in self.why:
             self.opens[why] = self.opens.get(why, 0) + 1
-        found = self.figures.notes(status, self.clock.steps) if self.figures else []
+        found = self.figures.notes(status, self.clock.steps, self.first) if self.figures else []
         return [*found, *self.gains(status.said(WORD))]
+
+    @property
+    def first(self) -> str:
+        """What helps in the first frames besides, of bodies."""
+        return APART * bool(self.terms.rigid and self.frames <= FIRST)
 
     def gains(self, said: np.ndarray) -> list[tuple[tuple, float, str]]:
         """Warnings of energy. said: word of each world."""
@@ -169,7 +176,7 @@ class Balance(Method):
                      f"{self.clock.steps} substeps)")]
         if gained >= self.worst[0]:
             self.worst = gained, (f"{path} gained energy that nothing gave it, {{worst}} J where the largest kinetic energy so "
-                                  f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps)")
+                                  f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps){self.first}")
         return [(("energy",), gained, self.worst[1])]
 
     def report(self) -> dict[str, Any]:
