@@ -39,8 +39,7 @@ for path in sys.argv[1:]:
                       "skipped": [s["stage"] for s in sim.plan.skipped]}))
 """
 
-# what every scene of cloth needs, by XPBD or by explicit steps among contacts
-POINTS = {"predict_euler", "finish_euler", "not_finite", "stretched"}
+# what every scene of cloth needs by explicit steps among contacts
 LEAPS = {"begin", "commit", "correct", "fused", "settle", "stretched", "not_finite"}   # fused has air, contacts, `correct`
 PINS, AIR = {"move_pins"}, {"press", "blow"}
 BEND = {"dihedral", "angle", "curvature", "target"}
@@ -52,7 +51,7 @@ KERNELS = {
     "flag": LEAPS | AIR | {"march", "blow_work"},
     "cape": LEAPS | AIR | {"march", "search_sphere", "contact", "push_work"},
     "tablecloth": LEAPS | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"} | EDGES,
-    "shirt": POINTS | CLOTH | {"search_solid", "contact", "clearance_solid", "near_solid", "stray"},
+    "shirt": LEAPS | {"march", "search_solid_f32_listed", "contact", "clearance_solid", "near_solid"},
 }
 
 
@@ -76,8 +75,6 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
 CHECKS = (room("simulation.measure.checks", "balance terms reasons rise works") | room("kernels.math", "ledger point_energy")
           | room("kernels", "cloth.energy cloth.constraint cloth.terms") | {"wsim.physics.cloth.table"}
           | {"wsim.model.compiler.parallel"})
-XPBD = (room("physics", "solver.xpbd solver.batch cloth.bending cloth.curvature cloth.table")
-        | room("kernels", "solver.xpbd math.matrix math.block") | room("kernels.cloth", "terms constraint curvature element"))
 PINNED = {"wsim.physics.motion.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
 CONTACT = (room("physics.contact", "contacts colliders method mesh clearance") | room("scene.check", "contact")
@@ -93,6 +90,7 @@ OUTLINE = {"wsim.physics.contact.poses.outline"}               # of colliders, f
 SHARP = room("physics.cloth", "edge_contacts") | room("kernels.cloth.edge_contact", "sites gather edge corner")
 WHOLE = room("physics.motion", "one_launch")
 SLIVERS = room("physics.fused", "stiff_few")                   # with whose mass leapfrog is weighed where it is dear
+LISTED = {"wsim.physics.contact.broad", "wsim.kernels.contact.candidates"}      # triangles near enough for some frames
 MANY = room("scene.check", "slivers")                          # a look for triangles that make steps many
 WEIGHED = room("physics.motion", "frequency")                  # where leapfrog comes into question
 MODULES = {
@@ -100,8 +98,8 @@ MODULES = {
     "flag": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | PINNED,
     "cape": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY,
     "tablecloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SHARP,
-    "shirt": SCENE | RUN | CHECKS | WEIGHED | XPBD | CONTACT | OUTLINE | SLIVERS | room("kernels", "math.face")
-    | room("geometry", "tetra.lattice"),           # distances of its dummy's triangles; what starts inside
+    "shirt": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SLIVERS | LISTED
+    | room("kernels", "math.face") | room("geometry", "tetra.lattice"),     # distances of its dummy; what starts inside
 }
 scenes = pytest.mark.parametrize("name", KERNELS)
 

@@ -21,8 +21,7 @@ from math import ceil, inf
 
 import numpy as np
 
-from wsim.model.model import Model, edge_lengths, hard_places
-from wsim.physics.cloth.constraints import of_body
+from wsim.model.model import Model, edge_lengths
 from wsim.physics.motion.stability import needed
 from wsim.scene import Scene
 from wsim.scene.integrator import TABLE, Integrator
@@ -31,19 +30,21 @@ from wsim.simulation import cost
 from wsim.simulation.duration import percent
 from wsim.simulation.predicted import errors, sag, sweep_strain
 from wsim.simulation.predicted.errors import HIT, drift, falls, size
+from wsim.simulation.predicted.sweep_strain import UNEVEN, uneven
 
 STRAINED = 10.0        # strain that sweeps may leave in an edge, over the wanted error. A cloth of even cells has 7 to 9
                        # where `slack` is all of that error. Lower: slender triangles take more substeps, with the root of it
 STRETCHED = 1.5        # far from rest stiffness is not what the bound took it for
 SURE = 1.5             # time over that of XPBD or Newton's method that leapfrog may take: the table is good to 1.3, and it errs
                        # by a hundredth of theirs or less
+FIRM, FELT = 2.2, 0.05 # the same with mass at slivers where sweeps leave more than this strain in an edge. The shirt on its
+                       # dummy (CPU): 2.0 by the table, 1.3 in CPU time, 0.7 of the time on two cores; peak strain 0.09 for 0.64
 STRUCK = 3.0           # the same where colliders are, for what EULER leaves
 SURER = 1.3            # time of XPBD over that of Newton steps of sheets, from which these are taken: the table is good to that
 RIGHTER = 5.0          # error of XPBD over that of Newton steps, from which these may take SURE times its time
 FINER = 1.02           # ratio of substeps that are tried one after the other for the wanted error
 SOLVED = 2             # Newton steps a substep of soft bodies
 STIFFENED = 1.7        # materials that stiffen under strain need shorter steps than at rest, where the bound is close
-UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
 @dataclass(frozen=True)
@@ -188,12 +189,15 @@ def _auto(model: Model) -> Choice:
     why = f"leapfrog would need {n} substeps ({omega:.4g} rad/s), about {1e3 * explicit:.3g} ms a frame; "
     slow, said = slowed(model, rows)
     least = cost.seconds(model, cost.explicit(model, slow)) if slow else inf
+    few = Choice("explicit", leapfrog, max(slow, scene.substeps), 1,
+                 f"{why}{slow} with more mass at slivers, {1e3 * least:.3g} ms: {said}; XPBD would take "
+                 f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd, slowed=slow > scene.substeps)
     if least <= SURE * min(sweeps, solved):
-        return Choice("explicit", leapfrog, max(slow, scene.substeps), 1,
-                      f"{why}{slow} with more mass at slivers, {1e3 * least:.3g} ms: {said}; XPBD would take "
-                      f"{1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}", xpbd, slowed=slow > scene.substeps)
+        return few
     if explicit <= _worth(scene) * min(sweeps, solved):
         return whole
+    if least <= FIRM * min(sweeps, solved) and not _hard(model) and sweep_strain.left(model, falls(model), xpbd) > FELT:
+        return few
     if newton and (SURER * solved < sweeps or
                    solved <= SURE * sweeps and RIGHTER * predicted(model, newton) <= predicted(model, xpbd)):
         return replace(newton, why=f"{why}XPBD {1e3 * sweeps:.3g} ms for {xpbd.substeps} x {xpbd.iterations}; Newton steps "
@@ -264,19 +268,6 @@ def _within(model: Model, n: int, error: Callable[[float], float]) -> int:
     while wanted > 0.0 and error(1.0 / model.scene.fps / n) > wanted:
         n = max(n + 1, int(n * FINER))
     return n
-
-
-def uneven(model: Model) -> bool:
-    """True if free masses that hold each other differ by more than UNEVEN."""
-    pinned = hard_places(model)
-    for body in (b for b in model.bodies if b.world == 0):
-        masses = body.masses.copy()
-        masses[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = np.nan
-        for r in of_body(model, body):
-            held = masses[r.ids - body.first]
-            if np.any(np.nanmax(held, axis=1, initial=0.0) > UNEVEN * np.nanmin(held, axis=1, initial=np.inf)):
-                return True
-    return False
 
 
 def unfit(model: Model, other: str) -> str:

@@ -79,7 +79,9 @@ COSTS = {
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
 SHARED_TET = 10.0      # work of a tet that blocks share, in that of sheets
-MESH = 20.0            # a point beside a mesh over one beside a convex shape (H200: 0.4 to 1.5 ns a point)
+# a point beside a mesh over one beside a convex shape. H200: 0.4 to 1.5 ns a point. CPU: the shirt on its dummy, 0.16 us by
+# leapfrog of 1122 substeps, 0.21 by XPBD of 213
+MESH = {"cuda": 20.0, "cpu": 10.0}
 ELEMENT = 2.4          # work of elements in a sweep of a GPU over that of springs (H200, shirts of 26k and 102k points)
 SLOW = 430.0           # substeps a second, below which a search beside a mesh grows no further (H200: a shirt of 102k points)
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
@@ -251,7 +253,7 @@ def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:
     for c in model.scene.colliders:
         mesh = isinstance(c.shape, Surface)
         meshes += mesh
-        met += model.points * (MESH if mesh else 1.0)
+        met += model.points * (MESH["cuda" if model.device.is_cuda else "cpu"] if mesh else 1.0)
         met += len(c.shape.indices) if isinstance(c.shape, Surface) and (c.shape.poses is not None or c.motion.moves) else 0.0
     return {"touch": n * (1 + iterations), "near": n * met, "mesh": n * meshes,
             "wide": meshes * model.points * n / (n * model.scene.fps + SLOW)} | own if model.scene.colliders else own

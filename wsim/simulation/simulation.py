@@ -69,8 +69,8 @@ class Simulation:
 
     def _build(self) -> None:
         self.frame = 0
-        self.graph = self.pulled = None                          # made by `reactions`
-        self.measured: Any = None              # made by `follow` in the first frame; False: never again
+        self.graph = self.pulled = self.settled = None           # `pulled` is made by `reactions`
+        self.measured: Any = None              # made by `follow` in the first frame, as `settled`; False: never again
         self.balance: measure.Balance | None = None
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])      # live motions change copies
         if self.precision == "float32":

@@ -7,7 +7,8 @@
     converged  the same of leapfrog of 2 n substeps, n those that are stable; `--make` keeps it and that of n substeps, both in
                float32 on a CPU, in tools/results/peak_strains.json
     apart      larger of the two references over the smaller, largest of the three frames: chance above about 1.5
-    ratio      strain over the converged one, largest of the three frames; OVER where it is above 1.5 and no warning names both
+    ratio      strain over the converged one, largest of the three frames; OVER where it is above 1.5 and no warning names both,
+               small where no strain is above LEAST
     ms         of a frame, mean of those behind the first: CPU time of all threads, of a GPU wall clock
 """
 
@@ -26,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
 from wsim.scene import Scene  # noqa: E402
 from wsim.simulation.measure.indicators import edge_strain  # noqa: E402
+from wsim.simulation.predicted.settled import LEAST  # noqa: E402
 from wsim.simulation.simulation import Simulation  # noqa: E402
 from wsim.usd import load  # noqa: E402
 
@@ -86,7 +88,8 @@ HEAD = (f"{'scene':<16}{'solver':<9}{'steps':>7}   {'strain [%]':>20}   {'conver
 
 def line(r: dict) -> str:
     three = (" ".join(f"{100.0 * s:>6.2f}" for s in r[name]) for name in ("strain", "converged"))
-    mark = "" if r["ratio"] <= ALLOWED else "warned" if r["warned"] else "OVER"
+    mark = ("" if r["ratio"] <= ALLOWED else "warned" if r["warned"] else
+            "small" if max(r["strain"]) < LEAST else "OVER")
     return (f"{r['scene']:<16}{r['solver']:<9}{r['steps']:>4}x{r['iterations']:<2}   {'   '.join(three)} {r['apart']:>6.2f} "
             f"{r['ratio']:>6.2f} {r['ms']:>8.1f} {mark}")
 

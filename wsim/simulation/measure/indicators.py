@@ -211,6 +211,7 @@ def report(sim, with_profile: bool = True) -> dict:
                    for r in plan.table()],
         "kept": [k for method in plan.methods for k in method.kept()],
         "skipped": plan.skipped, "repeats": list(sim.repeats),
-        "warnings": [*sim.warnings, *missed(sim.fps, later), *deep, *(sim.measured.warnings() if sim.measured else [])],
+        "warnings": [*sim.warnings, *missed(sim.fps, later), *deep,
+                     *(w for each in (sim.measured, sim.settled) if each for w in each.warnings())],
         **({"balance": watch.report()} if (watch := plan.find("balance")) else {}), **limits, **forms,
     }

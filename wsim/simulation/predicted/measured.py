@@ -15,10 +15,6 @@ before (`wsim.simulation.predicted.errors`) knows neither slivers beside collide
 
 Measured (tools/bench/choice/reported_errors.py; random meshes, nets, soft bodies on and off colliders): the logarithm of the
 growth of a perturbation that two runs show is 0.5 to 1.4 times GROWS S where that is above 3.
-
-Strain: sweeps leave a lag that falls with h where a cloth is caught, and with h^2 where it hangs
-(`wsim.simulation.predicted.sweep_strain`): with s' of the companion a converged run has between  s - (s' - s) / (COARSER - 1)
-and  s - (s' - s) / (COARSER^2 - 1).  The shirt that drops on a dummy: s 0.64, said 0.18 to 0.57, converged 0.09.
 """
 
 from dataclasses import replace
@@ -38,7 +34,6 @@ GROWS = 0.81           # points of a sheet do not move one by one, and compressi
 SEED, FOLD = 1e-6, 1.5 # over the size: eight roundings of float32; folds differ by so many edges at most
 SENSITIVE = 1e3        # growth from which a run is called sensitive
 OVER = 2.0             # error over the wanted one, from which a run is warned of
-STRAINS, LEAST = 1.5, 0.05     # largest strain over that of a converged run, and strain, from which it is warned of
 
 
 class Measured:
@@ -51,8 +46,7 @@ class Measured:
         self.last = max([FRAMES, *(sim.scene.fps * sqrt(2.0 * b.size / b.g) for b in bodies)])
         self.edge = max(b.size / b.row for b in bodies) / self.size
         self.frames, self.moved, self.exponent = 0, 0.0, 0.0
-        self.strains: list[tuple[float, float]] = []           # of the run and its companion, largest in each frame
-        self.companion, self.done = None, False
+        self.companion, self.compared, self.done = None, False, False
         if sim.plan.choice.solver != "explicit":
             self.companion = _coarser(sim)
 
@@ -71,7 +65,7 @@ class Measured:
             return predicted + min(SEED * self.growth, FOLD * self.edge)
         if not isfinite(self.moved):
             return None
-        return self.moved * (0.5 + self.moved / (self.moved + 0.5 * self.edge)) if self.strains else predicted
+        return self.moved * (0.5 + self.moved / (self.moved + 0.5 * self.edge)) if self.compared else predicted
 
     @property
     def sensitive(self) -> bool:
@@ -84,20 +78,12 @@ class Measured:
                 "sensitive": self.sensitive}
 
     def warnings(self) -> list[str]:
-        """Warnings of an error beyond the wanted one that more substeps lower, and of strain."""
+        """Warnings of an error beyond the wanted one that more substeps lower."""
         error, steps, wanted, found = self.error, self.plan.choice.steps, self.plan.model.scene.error, list[str]()
-        if self.strains and (error is None or error > OVER * wanted and not self.sensitive):
+        if self.compared and (error is None or error > OVER * wanted and not self.sensitive):
             what = "more than the size of the scene" if error is None else f"about {percent(error)} of the size"
             found.append(f"warning: /: positions err by {what} after {self.frames} frames, where {percent(wanted)} was wanted; "
                          f"name more than {steps} substeps, or another solver")
-        far = [(s, c, frame + 1) for frame, (s, c) in enumerate(self.strains)
-               if s > max(LEAST, STRAINS * (s - (c - s) / (COARSER - 1)))]
-        if far:
-            s, c, frame = max(far)
-            low, high = (100.0 * max(s - (c - s) / (COARSER**p - 1), 0.0) for p in (1, 2))
-            found.append(f"warning: /: edges strain by up to {100.0 * s:.2g} % in frame {frame}, where a converged run has "
-                         f"about {low:.2g} to {high:.2g} %: {steps} substeps are too few for the shortest edges; name more, or "
-                         'solver "implicit"')
         return found
 
     def look(self, sim) -> bool:
@@ -117,7 +103,7 @@ class Measured:
                 return False
             x, y = _positions(sim), _positions(self.companion)
             self.moved = max(self.moved, float(np.sqrt(((x - y)**2).sum(axis=1).mean())) / self.size)
-            self.strains.append((_strain(sim, x), _strain(sim, y)))
+            self.compared = True
         return self.frames < self.last
 
 
@@ -125,10 +111,22 @@ def follow(sim) -> None:
     """Looks at a frame of a simulation after it was stepped, of its first ones."""
     if sim.measured is None and sim.frame == 1:
         sim.measured = _begun(sim) or False
+    if sim.settled is None and sim.frame == 1:
+        sim.settled = _swept(sim) or False
+    if sim.settled and sim.settled.going:
+        sim.settled.going = sim.settled.look(sim)
     if sim.measured and not sim.measured.done:
         sim.measured.done = not sim.measured.look(sim)
         if sim.measured.done:
             sim.measured.companion = None
+
+
+def _swept(sim):
+    """What estimates strains of sweeps; None where there are none."""
+    if sim.plan.choice.solver != "xpbd":
+        return None
+    from wsim.simulation.predicted.settled import begun
+    return begun(sim)
 
 
 def _begun(sim) -> Measured | None:
@@ -146,16 +144,13 @@ def _coarser(sim):
     if not n:
         return None
     named = {"solver": choice.solver, "integrator": choice.integrator.name, "iterations": choice.iterations}
-    return type(sim)(replace(sim.given, substeps=n, **named), device=sim.device, precision=sim.precision)
+    other = type(sim)(replace(sim.given, substeps=n, **named), device=sim.device, precision=sim.precision)
+    other.settled = False
+    return other
 
 
 def _positions(sim) -> np.ndarray:
     return sim.state.x.numpy().astype(np.float64) + sim.state.e.numpy()
-
-
-def _strain(sim, x: np.ndarray) -> float:
-    """Largest strain of an edge [1]."""
-    return max((float(edge_strain(b, x).max(initial=0.0)) for b in sim.model.bodies if len(b.edges)), default=0.0)
 
 
 def _instability(sim) -> float:

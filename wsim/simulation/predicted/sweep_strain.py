@@ -23,7 +23,10 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.model.model import Body, Model, hard_places
+from wsim.physics.cloth.constraints import of_body
 from wsim.scene import Cloth
+
+UNEVEN = 1e3           # ratio of two masses that hold each other, from which sweeps stall
 
 
 def lag(model: Model, falls: list) -> float:
@@ -42,3 +45,23 @@ def slender(body: Body, pinned: np.ndarray, size: float) -> float:
     square = ((p[hinges[:, 1]] - p[hinges[:, 0]])**2).sum(axis=1)
     found = (w[hinges[:, 0]] + w[hinges[:, 1]]) * np.divide(area, square, out=np.zeros(len(area)), where=square > 0.0)
     return float(body.masses.sum()) / size * float(found.max(initial=0.0))
+
+
+def left(model: Model, falls: list, choice) -> float:
+    """Strain that the sweeps of a `wsim.simulation.choice.Choice` leave; 0 of other solvers."""
+    if choice.solver != "xpbd":
+        return 0.0
+    return lag(model, falls) / (model.scene.fps * choice.substeps)**2 / choice.iterations
+
+
+def uneven(model: Model) -> bool:
+    """True if free masses that hold each other differ by more than UNEVEN."""
+    pinned = hard_places(model)
+    for body in (b for b in model.bodies if b.world == 0):
+        masses = body.masses.copy()
+        masses[pinned[(pinned >= body.first) & (pinned < body.last)] - body.first] = np.nan
+        for r in of_body(model, body):
+            held = masses[r.ids - body.first]
+            if np.any(np.nanmax(held, axis=1, initial=0.0) > UNEVEN * np.nanmin(held, axis=1, initial=np.inf)):
+                return True
+    return False

@@ -1,0 +1,86 @@
+"""Strain that a converged run has, estimated beside a run of XPBD where its edges are stretched.
+
+Sweeps that a substep leaves out let edges lag behind their forces (`wsim.simulation.predicted.sweep_strain`). The lag is local:
+from the end of a frame, one substep more, taken in PARTS parts of SWEEPS sweeps each, takes it back, and the cloth as a whole
+moves no further than in a substep. What strain is left then is an upper estimate of a converged run's, which has held the cloth
+in all frames before as well.
+
+Measured (tools/bench/choice/peak_strains.py; leapfrog of twice the substeps that are stable): the shirt on its dummy by XPBD
+213 x 1, frames 3, 6 and 12: 64, 22 and 23 %, estimated 11, 8.7 and 8.7, converged 8.6, 6.0 and 4.7. Cape on bones, 110 x 1: 12,
+15 and 8.5 %, 1.5, 2.0 and 3.1, 1.3, 1.8 and 2.0.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wsim.scene import SceneError
+from wsim.simulation.measure.indicators import edge_strain
+
+PARTS, SWEEPS = 4, 20      # 2 x 20: 2.1 % for the cape's 1.5; 4 x 60: the same
+FRAMES, CHECKS = 24, 4     # frames that are looked at, and estimates that are made in them at most: each costs 80 sweeps
+GROWN = 1.5                # strain over that of the last estimate, from which another is made
+LEAST = 0.02               # strain below which nobody sees it
+OVER = 1.1                 # strain over the estimate, from which a run is warned of: a sheet with long substeps that a rope
+                           # falls into had 1.14 to 1.17, and 1.5 times the converged strain
+MOST = 100_000             # points, beyond which nothing is estimated
+BESIDE = {"Skeleton", "Rods"}      # others than points that may be there
+
+
+class Settled:
+    """Strains of a run's first frames beside those that a converged run has."""
+
+    def __init__(self, sim):
+        self.plan, self.last, self.other, self.going = sim.plan, 0.0, None, True
+        self.found: list[tuple[float, float, int]] = []        # strain, its estimate, frame
+
+    def look(self, sim) -> bool:
+        """Looks at a frame that was stepped; False: no more are looked at."""
+        if sim.plan is not self.plan or sim.changes:
+            return False
+        now = strain(sim)
+        if now > max(LEAST, GROWN * self.last):
+            self.last = now
+            try:
+                self.found.append((now, self.estimate(sim), sim.frame))
+            except SceneError:                                 # it cannot go on from there
+                return False
+        if sim.frame < FRAMES and len(self.found) < CHECKS:
+            return True
+        self.other = None
+        return False
+
+    def estimate(self, sim) -> float:
+        """Strain after one substep more."""
+        steps = self.plan.clock.steps
+        if self.other is None:
+            finer = replace(sim.given, solver="xpbd", integrator="backward_euler", fps=sim.given.fps * steps, substeps=PARTS,
+                            iterations=SWEEPS)
+            self.other = type(sim)(finer, device=sim.device, precision=sim.precision)
+        self.other.restart(sim.frame * steps, {path: sim.fields(path) for path in sim.state.paths()}, alike=False)
+        self.other.step()
+        return strain(self.other)
+
+    def warnings(self) -> list[str]:
+        """A warning of the frame that is stretched most beyond its estimate."""
+        far = [(s, right, frame) for s, right, frame in self.found if s > OVER * right]
+        if not far:
+            return []
+        s, right, frame = max(far)
+        return [f"warning: /: edges strain by up to {100.0 * s:.2g} % in frame {frame}, where a converged run has about "
+                f"{100.0 * right:.2g} % or less: {self.plan.clock.steps} x {self.plan.clock.iterations} sweeps leave the rest; "
+                'name more substeps or iterations, or solver "explicit"']
+
+
+def strain(sim) -> float:
+    """Largest strain of an edge now [1]."""
+    x = sim.state.x.numpy().astype(np.float64) + sim.state.e.numpy()
+    return max((float(edge_strain(b, x).max(initial=0.0)) for b in sim.model.bodies if len(b.edges)), default=0.0)
+
+
+def begun(sim) -> Settled | None:
+    """What estimates a run's strain; None where it has none of sweeps, or things beside that may not be stepped twice."""
+    alone = sim.worlds == 1 and not sim.gradients and sim.fps is None and sim.model.alias is None
+    there = {name for name, things in sim.scene.others.items() if things}
+    swept = sim.plan.choice.solver == "xpbd" and sim.model.points <= MOST
+    return Settled(sim) if alone and swept and there <= BESIDE else None
