@@ -98,10 +98,14 @@ def spread(real, module):
 
 
 @cache
-def count(module):
-    """Kernel of one thread: counts further steps, and ends them behind `most`. steps 0: they begin."""
+def count(real, module):
+    """Kernel of one thread: counts further steps, which go on for a residual above `bound` too, and ends them behind `most`.
+    steps 0: they begin."""
     @wp.kernel(module=module, enable_backward=False)
-    def count_steps(steps: int, most: int, words: wp.array(dtype=int)):
+    def count_steps(residual: wp.array(dtype=real), bound: real, steps: int, most: int, words: wp.array(dtype=int)):
+        for i in range(residual.shape[0]):
+            if residual[i] > bound:
+                words[WRONG] = 1
         words[STEPS] = wp.where(steps > 0, words[STEPS] + steps, 0)
         if words[STEPS] >= most:
             words[WRONG] = 0

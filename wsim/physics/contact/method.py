@@ -50,7 +50,10 @@ def build(b: Build) -> Contact:
 
 
 class Contact(Method):
-    """Points of every body against every collider. Raises SceneError for a collider that makes no sense."""
+    """Points of every body against every collider. Raises SceneError for a collider that makes no sense. trailed: points are
+    moved after the Newton steps of each substep."""
+
+    trailed = False
 
     def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, movers=None, edged: bool = False):
         """points: the method that owns inverse masses and objects and the anchor; movers: what has colliders of its
@@ -58,7 +61,7 @@ class Contact(Method):
         super().__init__("contact")
         self.solved = self.after = False                 # in a recording: by an implicit solve, and once behind it
         self.within = False                              # of a Newton step
-        self.press: Callable[[Clock, float], None] | None = None        # behind what moves points after Newton steps
+        self.press: Callable[[Clock, float], None] | None = None        # for what moves points after Newton steps
         self.model, self.state, self.anchor, self.points, self.movers = model, state, points.anchor, points, movers
         colliders = model.scene.colliders
         own = points.constants.object
@@ -157,7 +160,7 @@ class Contact(Method):
         if self.movers:
             self.movers.project(clock, beside)
         elif self.within and not self.contacts.recorded:
-            if self.press:
+            if self.press and (self.trailed or beside):
                 self.press(clock, g)
         elif self.after or not (self.solved and self.contacts.recorded):
             if self.contacts.edges and not clock.integrator.explicit:
@@ -194,16 +197,17 @@ class Contact(Method):
         if self.prolonged:
             self.prolonged.meet(others)
         terms, adjoint = others.find("terms"), others.find("adjoint")
-        behind = bool(others.every("batches") or others.find("self-contact"))
+        surfaces = others.find("self-contact") is not None          # which Newton steps solve for, but beside strands
+        trailed = bool(others.every("batches") or surfaces and others.find("strands"))
         if terms is None:
             return
         from wsim.physics.contact.newton.active_set import ActiveSet  # Newton steps hold contacts themselves
         active = ActiveSet(others.find("assembly"), self.contacts)
         terms.append(active)
-        self.within, self.press = True, active.press if behind else None
+        self.within, self.trailed, self.press = True, trailed, active.press if trailed or surfaces else None
         if adjoint:
-            self.solved, self.after = True, behind
-            adjoint.enter("contacts", self.contacts, behind)
+            self.solved, self.after = True, trailed
+            adjoint.enter("contacts", self.contacts, trailed)
 
     def carriers(self) -> dict[str, Any]:
         from wsim.physics.carrier.carriers import KinematicCarrier

@@ -4,7 +4,7 @@ that no substep ends with an intersection that it did not begin with.
 XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps they come as impulses, BEHIND of them (as
 pairs of carriers do), and more while a pair would end at less than half of its distance: what is light between what is heavy
 takes hundreds. Newton's method solves for them (wsim/physics/selfcontact/newton_rows.py): sweeps move points by their masses
-alone, and the stretch of that gained energy; they come behind it for what strands and bodies push, and for pairs that are left
+alone, and the stretch of that gained energy; they come behind it for what strands push, and for pairs that are left
 too near. By leapfrog only where there are neither colliders nor strands: what is read behind
 half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
 behind each solver: it changes displacements before velocities are made of them. The implicit midpoint goes on to the end of its
@@ -150,7 +150,7 @@ class SelfContact(Method):
     def touch(self, clock: Clock) -> None:
         import warp as wp
         last = not self.within or clock.i == clock.iterations - 1
-        if not self.solved or self.strands or self.contact and self.contact.movers:
+        if not self.solved or self.strands:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
         if self.within and last:
             wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))

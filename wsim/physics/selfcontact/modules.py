@@ -30,8 +30,8 @@ CORE_WORDS = tree.join, certificate.proceed              # of no precision
 SWEEPS = tubes.way, rows.lean, rows.nearer               # and rows.press
 SWEEPS_WORDS = (rows.further,)
 NEWTON = (push.stiffen, push.renew, push.join, push.give, push.take, energy.multiply, energy.change, energy.tell,
-          solve.spread, solve.measure, solve.compare)
-NEWTON_WORDS = solve.count, solve.share
+          solve.spread, solve.measure, solve.compare, solve.count)
+NEWTON_WORDS = (solve.share,)
 
 
 def core(model: Model) -> str:

@@ -3,6 +3,7 @@ Equations: kernels/selfcontact/newton/law.py."""
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import warp as wp
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from wsim.physics.selfcontact.method import SelfContact
 
 MOST = 12              # further Newton steps of a substep, at most, while rows are left
+SOLVED = 0.1           # residual of a substep beside rigid bodies: what is left is what these are pushed by
 
 
 class NewtonRows(Term):
@@ -39,7 +41,7 @@ class NewtonRows(Term):
         self.kernels: dict[str, Any] = {f.__name__: f(real, module) for f in NEWTON}
         self.kernels |= {f.__name__: f(module) for f in NEWTON_WORDS} | {"product": solution.multiply(real, module, *kinds)}
         self.pcg, self.choose = pcg.several(real, module, *kinds), line_search.choose(real, module)
-        self.again, self.capacity, self.words = False, 0, system.zeros(3, int)
+        self.again, self.capacity, self.words, self.unasked = False, 0, system.zeros(3, int), system.zeros(0, real)
         n, worlds, t = model.points, model.worlds, types(real)
         self.systems = system.systems // worlds                    # of a world
         self.chunks = system.cut(system.starts[::self.systems])
@@ -135,24 +137,31 @@ class NewtonRows(Term):
         self.now(clock.g)
         self.when_near(look)
 
-    def follow(self, clock: Clock, again: Callable[[], None]) -> None:
-        """Behind the Newton steps of a substep: further ones while a row is wrong."""
+    def follow(self, clock: Clock, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
+        """Behind the Newton steps of a substep: further ones while a row is wrong, or the residual above `bound`."""
         self.words.zero_()
-        self.when_near(lambda: self.check(0))
-        wp.capture_while(self.words[laws.WRONG:laws.WRONG + 1], lambda: self.further(again))
+        self.when_near(lambda: self.check(0, measure))
+        wp.capture_while(self.words[laws.WRONG:laws.WRONG + 1], lambda: self.further(again, measure))
 
-    def further(self, again: Callable[[], None]) -> None:
+    def further(self, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
         self.again = True
         again()
-        self.check(1)
+        self.check(1, measure)
 
-    def check(self, steps: int) -> None:
-        """Looks for rows whose pushes are wrong."""
+    def bound(self) -> float:
+        """Largest residual with which a substep may end; inf: any, since each ends with less than it began with."""
+        contact = self.method.contact
+        return SOLVED if contact and contact.movers else self.clock.integrator.met[0]
+
+    def check(self, steps: int, measure: Callable[[], wp.array]) -> None:
+        """Looks for rows whose pushes are wrong, and at the residual."""
         self.method.borrow()
         self.words[laws.WRONG:laws.WRONG + 1].zero_()
         self.words[laws.MOVING:laws.MOVING + 1].zero_()
         self.renew(laws.CHECK)
-        self.model.launch(self.kernels["count"], 1, [steps, MOST], [self.words])
+        bound = self.bound()
+        left = measure() if bound < inf else self.unasked
+        self.model.launch(self.kernels["count"], 1, [left, bound, steps, MOST], [self.words])
 
     def end(self, clock: Clock) -> None:
         """Pushes that a substep ends with."""

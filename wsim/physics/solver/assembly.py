@@ -54,8 +54,8 @@ class Term:
     def begin(self, clock: Clock, back: Callable[[], None], line) -> None:
         """Acts where Newton steps begin. back: launches the way back to where the substep began; line: the line search."""
 
-    def follow(self, clock: Clock, again: Callable[[], None]) -> None:
-        """Acts behind the scene's Newton steps of a substep. again: launches a further one."""
+    def follow(self, clock: Clock, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
+        """Acts behind the scene's Newton steps of a substep. again: launches a further one; measure: the residual."""
 
     def end(self, clock: Clock) -> None:
         """Acts behind all Newton steps of a substep."""

@@ -118,7 +118,7 @@ class Implicit(Method):
         self.step(clock)
         if clock.i == clock.iterations - 1:
             for term in self.terms:
-                term.follow(clock, lambda: self.again(clock))
+                term.follow(clock, lambda: self.again(clock), lambda: self.residual.measure(clock, self.terms))
             beyond = clock.integrator.beyond       # one unsolved step of the midpoint can gain energy: it takes further ones
             if clock.k == clock.substeps - 1 or beyond:
                 self.residual.measure(clock, self.terms)

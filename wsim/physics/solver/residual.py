@@ -26,8 +26,8 @@ class Residual:
             from wsim.kernels.solver.xpbd_residual import judge
             self.judge = judge(model.real, model.module)
 
-    def measure(self, clock: Clock, terms: Iterable[Term]) -> None:
-        """Measures what the last Newton step left, by the system at its end, which is assembled."""
+    def measure(self, clock: Clock, terms: Iterable[Term]) -> wp.array:
+        """Measures what the last Newton step left of each system, by the matrix at its end, which is assembled."""
         own, f = self.assembly, self.assembly.f
         own.linearise(1.0 / clock.g)
         for term in terms:
@@ -39,6 +39,7 @@ class Residual:
             own.system.launch(self.left, [own.points.constants, own.A, own.system.first, f, own.state.d, own.b], [self.array])
         own.system.launch(self.rounded, [own.points.constants, own.A, own.system.first, f, own.state.x, own.state.d, own.b],
                           [self.array])
+        return self.array
 
     def say(self, clock: Clock) -> None:
         """Says what is left, and whether an integrator that needs it may go on."""

@@ -205,7 +205,7 @@ class Touch(Substeps):
 
     def project(self, clock: Clock, beside: bool = False) -> None:
         """Contacts at the end of an iteration; beside: momentum is not balanced, as surfaces push points too."""
-        if self.foreseen and not self.contact.press:     # else all Newton steps are done in the first iteration
+        if self.foreseen and not (self.contact.trailed or beside):     # else all Newton steps are done in the first iteration
             if clock.i < clock.iterations - 1:
                 self.foreseen.lean(clock)
                 return
@@ -223,7 +223,7 @@ class Touch(Substeps):
 
         if self.foreseen and clock.i == clock.iterations - 1 and not beside:
             self.foreseen.balance(clock)
-            if not self.contact.press:
+            if not self.contact.trailed:
                 self.foreseen.miss()
 
     def indicators(self) -> dict[str, float]:
