@@ -82,7 +82,7 @@ def twist() -> str:
     turn = [(f, (0.0, 0.0, 0.0) if f == 0 else (360.0 * eased(f, 6, 66), 0.0, 0.0)) for f in range(0, 73, 3)]
     grip = samples("float3", "xformOp:rotateXYZ", turn) + "\n" + moved(0.4, 0.5, 0, "xformOp:rotateXYZ")
     return scene("A rubber bar is twisted by a full turn: one end is held, the other turns with an animated Xform.", [
-        settings(comment=STEPS, substeps=4, iterations=2),
+        settings(comment=STEPS, substeps=6, iterations=2),
         material("Rubber", Bulk(young=1e6, poisson=0.45, density=1000.0, model="neo_hookean", damping=0.005),
                  "Twisted like this, Neo-Hookean loses 3 % of its volume (K is 9.7 G at nu = 0.45); corotational loses 12 %."),
         solid_block("Bar", (0.8, 0.2, 0.2), (nx, ny, nz), "Rubber", (0.75, 0.1, 0.06), "80 x 20 x 20 cm.", at=(0.0, 0.5, 0.0)),

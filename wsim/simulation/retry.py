@@ -175,8 +175,9 @@ def _give_way(sim: Simulation, why: str) -> None:
     if why:
         sim.warnings.append(f"frame {sim.frame + 1}: {why}, so that {name} gains energy; backward Euler from here on")
         return
+    more = "substeps" if sim.scene.solver == "auto" else "iterations or substeps"       # of iterations, auto takes its own
     sim.warnings.append(f"frame {sim.frame + 1}: the solver missed the residual that {name} needs (`met` in "
-                        f"wsim.scene.integrator); backward Euler from here on; more iterations or substeps keep {name}")
+                        f"wsim.scene.integrator); backward Euler from here on; more {more} keep {name}")
 
 
 def _refine(sim: Simulation, part: str, row: int) -> None:
