@@ -75,6 +75,7 @@ def structs(real):
         gap: wp.array(dtype=real)
         push: wp.array(dtype=real)             # impulse along n in a substep [N s]
         rub: wp.array(dtype=t.vec3)            # across n
+        drift: wp.array(dtype=t.vec3)          # [m], see kernels/rigid/complementarity/drift.py
 
     @wp.struct
     class Work:

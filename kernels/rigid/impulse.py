@@ -33,8 +33,9 @@ def tangent(real):
 
 
 @cache
-def formulas(real):
-    """(Two, prepare, begun, shoved, pushed, ended, slip, rubbed): functions of a manifold m."""
+def formulas(real, held: bool = False):
+    """(Two, prepare, begun, shoved, pushed, ended, slip, rubbed): functions of a manifold m. held: with drift, see
+    kernels/rigid/complementarity/drift.py."""
     t, Rig, first = types(real), whole(real), tangent(real)
     rows = wp.types.matrix((4, 3), real)
 
@@ -81,6 +82,15 @@ def formulas(real):
         return x
 
     @wp.func
+    def carries(g: int, k: int, rig: Rig):
+        """Whether a frame is that of a collider that moves."""
+        g -= rig.b.w.shape[0]
+        moves = bool(False)
+        if g >= 0 and rig.still.moving == 1:
+            moves = wp.length_sq(rig.still.v[k, g]) + wp.length_sq(rig.still.omega[k, g]) > real(0.0)
+        return moves
+
+    @wp.func
     def across(shape: int, R: t.mat33, n: t.vec3, rig: Rig):
         """e: the unit vector across the axis of a shape in the plane of the axis and n; 0 where n is along the axis."""
         z = R * wp.quat_rotate(wp.transform_get_rotation(rig.s.place[shape]), t.vec3(real(0.0), real(0.0), real(1.0)))
@@ -117,7 +127,12 @@ def formulas(real):
                 if i < count:
                     j = 4 * m + i
                     arm_a, arm_b = arms(m, j, two, rig)
-                    rig.work.now[j] = rig.c.gap[j] + wp.dot(n, away + (arm_a - rig.c.first_a[j]) - (arm_b - rig.c.first_b[j]))
+                    d = away + (arm_a - rig.c.first_a[j]) - (arm_b - rig.c.first_b[j])
+                    rig.work.now[j] = rig.c.gap[j] + wp.dot(n, d)
+                    if wp.static(held):
+                        rig.c.drift[j] = t.vec3()
+                        if carries(two.g, k, rig) and rig.c.skin[m] == t.vec2() and rig.c.rim[j] == t.vec2():
+                            rig.c.drift[j] = d - wp.dot(n, d) * n
                     arm_a = arm_a - rig.c.skin[m][0] * n
                     arm_b = arm_b + rig.c.skin[m][1] * n
                     rig.work.r_a[j] = arm_a

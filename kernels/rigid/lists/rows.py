@@ -35,6 +35,7 @@ def lasts(real):
         key: wp.array(dtype=int)
         push: wp.array(dtype=real)
         rub: wp.array(dtype=t.vec3)
+        drift: wp.array(dtype=t.vec3)
 
     return Last
 
@@ -66,6 +67,7 @@ def keep_row(real):
             last.key[j] = c.key[j]
             last.push[j] = c.push[j]
             last.rub[j] = c.rub[j]
+            last.drift[j] = c.drift[j]
 
     return keep_row
 
@@ -166,10 +168,11 @@ def writing(real) -> SimpleNamespace:
         return row
 
     @wp.func(inline=False)
-    def recalled(m: int, j: int, row: int, last: Last, rig: Rig):
-        """Impulses of point j of row m, as the pair's rows of the last list have them."""
+    def recalled(m: int, j: int, row: int, q: t.quat, last: Last, rig: Rig):
+        """Impulses and the drift of point j of row m, as the pair's rows of the last list have them; q: of B's frame."""
         rig.c.push[j] = real(0.0)
         rig.c.rub[j] = t.vec3()
+        rig.c.drift[j] = t.vec3()
         r = int(row)
         found = bool(False)
         while r >= 0 and not found:
@@ -177,6 +180,10 @@ def writing(real) -> SimpleNamespace:
                 if last.key[4 * r + e] == rig.c.key[j]:
                     rig.c.push[j] = last.push[4 * r + e]
                     rig.c.rub[j] = last.rub[4 * r + e]
+                    drift = last.drift[4 * r + e]
+                    drift -= wp.dot(rig.c.n[m], drift) * rig.c.n[m]
+                    rig.c.drift[j] = drift
+                    rig.c.core_b[j] = rig.c.core_b[j] - wp.quat_rotate_inv(q, drift)
                     found = True
             r += 1
             more = r < last.a.shape[0] and r < row + ROWS
@@ -222,7 +229,7 @@ def writing(real) -> SimpleNamespace:
         rig.c.rim[j] = t.vec2(rim_a, rim_b)
         rig.c.core_a[j] = core_a
         rig.c.core_b[j] = core_b
-        recalled(m, j, row, last, rig)
+        recalled(m, j, row, posed.q_b, last, rig)
 
     @wp.func
     def poses(m: int, posed: Posed, rig: Rig):

@@ -2,8 +2,9 @@
 touches. All in one frame.
 
 The nearest places and the normal n are known. A face whose outward normal f is nearly -n (of A) or n (of B), and along which
-the two are as far apart as along n, to a part BIAS of their size, is the reference; A's is preferred unless B's is better by
-that much, so that it does not change from frame to frame. The other face is cut by the planes through the reference's edges,
+the two are as far apart as along n, to a part BIAS of their size, is the reference. The longer one is preferred, or of equal
+ones A's, unless the other is better by that much, so that it does not change from frame to frame. The other face is cut by the
+planes through the reference's edges,
 
     d = (p - q_s).(e_s x f) <= 0,        gap = (p - q_0).f - radii
 
@@ -24,6 +25,7 @@ from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
 BIAS = wp.constant(1.0e-3)              # of the size: nearer, a face touches rather than an edge
 SLACK = wp.constant(1.0e-4)             # of the size: so far beyond a side a corner still is inside
 ALIGNED = wp.constant(0.99)             # cosine: faces further from the normal do not touch flat
+LONGER = wp.constant(1.1)               # times as long as the other's a face must be to be preferred
 PARALLEL = wp.constant(0.01)            # sine between segments that touch all along
 WHOLE = wp.constant(63)                 # in place of a side: a corner that none has cut
 SIDES = wp.constant(32)                 # edges from here on are sides of the reference
@@ -210,8 +212,17 @@ def contact(real, corners: int, outer: bool = False):
             by_a = apart(PB, b.count, PA[0], a.f) - a.r - b.r
         if a.count > 1 and wp.dot(b.f, near.n) > real(ALIGNED):
             by_b = apart(PA, a.count, PB[0], b.f) - a.r - b.r
+        longer = real(0.0)
+        for i in range(b.count):
+            longer = wp.max(longer, wp.length(PB[i] - PB[0]))
+        for i in range(a.count):
+            if real(LONGER) * wp.length(PA[i] - PA[0]) >= longer:
+                longer = real(0.0)
+        bias = real(BIAS) * size
         which = int(-1)
-        if by_a >= low and by_b <= by_a + real(BIAS) * size:
+        if longer > real(0.0) and by_b >= low and by_a <= by_b + bias:
+            which = 1
+        elif by_a >= low and by_b <= by_a + bias:
             which = 0
         elif by_b >= low:
             which = 1

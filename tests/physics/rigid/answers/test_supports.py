@@ -31,7 +31,7 @@ def test_a_cube_without_friction_does_not_jump_on_a_flat_mesh():
     check_case("flush/cube/24x10")
 
 
-@pytest.mark.parametrize("where", first_and_slow(["box/60x8", "cylinder/60x8", "mesh/24x10", "platter/60x8"]))
+@pytest.mark.parametrize("where", first_and_slow(["box/24x10", "box/60x8", "cylinder/60x8", "mesh/24x10"]))
 def test_a_box_on_a_turntable_does_not_creep(where):
     check_case(f"carried/{where}")
 

@@ -34,7 +34,9 @@ WORD, IN_TURN = "rigid pairs", "rigid manifolds without a colour"
 PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field("b", "", True, "the other", "int"),
          Field("count", "", True, "its points", "int"), Field("colour", "", True, "its colour, -1 for none", "int"))
 POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "scalar"),
-          Field("rub", "N s", True, "that of friction"), Field("key", "", True, "features that touch", "int"))
+          Field("rub", "N s", True, "that of friction"),
+          Field("drift", "m", True, "how far it has parted across n since friction held it"),
+          Field("key", "", True, "features that touch", "int"))
 
 
 class Contacts:
@@ -122,12 +124,12 @@ class Contacts:
             return wp.zeros(length, dtype=dtype, device=self.device)
         self.room = room
         self.list = filled(self.Contacts, n=zeros(room, t.vec3), skin=zeros(room, t.vec2), key=zeros(4 * room, int),
-                           gap=zeros(4 * room, real), push=zeros(4 * room, real), rub=zeros(4 * room, t.vec3),
-                           rim=zeros(4 * room, t.vec2),
+                           gap=zeros(4 * room, real), push=zeros(4 * room, real), rim=zeros(4 * room, t.vec2),
                            **{name: zeros(room, int) for name in ("a", "b", "count", "colour")},
                            **{name: zeros(room, t.vec3) for name in ("from_a", "from_b")},
                            **{name: zeros(room, t.quat) for name in ("turn_a", "turn_b")},
-                           **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b")})
+                           **{name: zeros(4 * room, t.vec3) for name in ("core_a", "core_b", "first_a", "first_b", "rub",
+                                                                          "drift")})
         self.work = filled(self.Work, **self.broad.arrays, spread=zeros(n, t.mat33), turn=zeros(n, t.mat33),
                            **{name: zeros(4 * room, t.vec3) for name in ("r_a", "r_b", "K", "scrape")},
                            **{name: zeros(4 * room, real) for name in ("now", "goal", "hit", "when")},
