@@ -259,12 +259,13 @@ def test_joints_that_gape_and_shapes_that_overlap_are_told_by_prim():
     assert "/light" in said and "more substeps" in said
 
 
-@pytest.mark.parametrize("shape, told", [(Capsule(0.06, 0.04), True), (Capsule(0.02, 0.08), False),
-                                         (Box((0.06, 0.06, 0.1)), False)])
-def test_a_collider_that_stands_out_of_a_cloth_between_its_points_is_told(shape, told):
+@pytest.mark.parametrize("solver, shape, told", [
+    ("implicit", Capsule(0.06, 0.04), True), ("implicit", Capsule(0.02, 0.08), False),
+    ("implicit", Box((0.06, 0.06, 0.1)), True), ("xpbd", Box((0.06, 0.06, 0.1)), False)])
+def test_a_collider_that_stands_out_of_a_cloth_between_its_points_is_told(solver, shape, told):
     """A post under the middle of a cell of 15 cm: 6 cm of it are in the cloth, or 2, where a quarter of an edge is allowed. A
-    box of 6 cm meets the cloth's edges."""
-    made = Scene(solver="implicit", substeps=8)
+    box of 6 cm meets the cloth's edges in sweeps, and points alone in Newton steps."""
+    made = Scene(solver=solver, substeps=8)
     made.cloth("/cloth", *shapes.sheet(0.6, 0.6, 4, 4, horizontal=True, at=(0.0, 0.12, 0.0)), material=Fabric(stretch=100.0))
     upright = np.array([[1, 0, 0, 0.075], [0, 0, 1, 0], [0, -1, 0, 0.075], [0, 0, 0, 1.0]])
     made.collider("/post", shape, motion=Motion.still(upright), thickness=0.0)
