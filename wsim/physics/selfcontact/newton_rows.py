@@ -6,6 +6,7 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
@@ -44,7 +45,10 @@ class NewtonRows(Term):
         self.again, self.capacity, self.words, self.unasked = False, 0, system.zeros(3, int), system.zeros(0, real)
         n, worlds, t = model.points, model.worlds, types(real)
         self.systems = system.systems // worlds                    # of a world
-        self.chunks = system.cut(system.starts[::self.systems])
+        starts = system.starts[::self.systems]
+        self.chunks = system.cut(starts)
+        self.starts = model.upload(starts.astype(np.int32), int)   # of worlds, among points
+        self.world = model.upload(np.repeat(np.arange(worlds), np.diff(starts)).astype(np.int32), int)      # of points
         self.drop, self.step = (system.zeros(worlds, wp.float64) for _ in range(2))
         self.count = system.zeros(worlds, int)
         self.law = filled(laws.laws(real), points=n, sum=system.zeros(3 * n, wp.int64), block=system.zeros(6 * n, wp.int64),

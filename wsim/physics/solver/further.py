@@ -54,13 +54,33 @@ class Further:
         self.model.launch(self.look_kernel, 1, [self.residual.array, clock.integrator.met[0], MOST, first], [self.words])
 
     def ahead(self, clock: Clock) -> None:
-        """The way of a step, ahead along the last ones, outside of colliders; none for who needs none."""
-        newton, own, launch, n = self.newton, self.newton.assembly, self.model.launch, self.model.points
-        y, system = own.v.y, own.system
-        launch(self.keep, n, [self.words, own.state.d, y], [self.secants])
-        system.launch(self.weigh, [self.words, system.first, own.A.own, y, newton.line.step], [system.drop, self.secants])
-        launch(self.lead, n, [self.words, system.of, own.rows.w, self.secants, y], [y])
-        for term in newton.terms:
+        """The way of a step, ahead along the last ones, outside of colliders; none for who needs none. Bodies that touch go
+        ahead as one, and all of them: else pushes between them would have moved one alone."""
+        own, line = self.newton.assembly, self.newton.line
+        system, joined = own.system, own.system.joined
+
+        def apart() -> None:
+            self.lead_on(system.first, system.of, line.step, system.drop)
+        if joined:
+            joined.when_near(lambda: self.lead_on(joined.starts, joined.world, joined.step, joined.drop), apart)
+        else:
+            apart()
+        for term in self.newton.terms:
             term.clip(clock.g)
+        if joined:
+            joined.when_near(lambda: None, lambda: self.stand(clock))
+        else:
+            self.stand(clock)
+
+    def lead_on(self, first: wp.array, of: wp.array, step: wp.array, drop: wp.array) -> None:
+        """Along the last steps of each system: the points from first[i] to first[i + 1], of [system of each point]."""
+        own, launch = self.newton.assembly, self.model.launch
+        y = own.v.y
+        launch(self.keep, self.model.points, [self.words, own.state.d, y], [self.secants])
+        own.system.launch(self.weigh, [self.words, first, own.A.own, y, step], [drop, self.secants], first.size - 1)
+        launch(self.lead, self.model.points, [self.words, of, own.rows.w, self.secants, y], [y])
+
+    def stand(self, clock: Clock) -> None:
+        own = self.newton.assembly
         self.model.launch(self.stand_kernel, self.model.points,
                           [own.system.of, self.residual.array, clock.integrator.met[0]], [own.v.y])
