@@ -30,7 +30,7 @@ def test_two_sheets_that_collide_keep_their_momentum_and_repeat_to_the_bit(solve
 
 @pytest.mark.parametrize("solver", solvers("leapfrog", "newton", "newton bdf2", "newton midpoint"))
 def test_they_go_as_on_a_cpu(solver):
-    """Behind the blow, within what rounding makes of it: on a CPU float32 and float64 part by 0.1 (leapfrog) to 0.7 mm (bdf2)."""
+    """Behind the blow, within what rounding makes of it: on a CPU float32 and float64 part by 0.1 (leapfrog) to 0.7 mm."""
     found = [met(solver, device, 1)[1] for device in ("cpu", "cuda:0")]
     assert np.abs(found[0] - found[1]).max() < (5e-4 if solver["solver"] == "explicit" else 1.4e-3)
 

@@ -5,8 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tools.bench.bending.drape import MEASURED, RADIUS, REST, SUPPORT, bending_length, folds, measure, ring, shadow, woven
 from wsim.scene.fabric import FABRICS
+
+pytest.importorskip("scipy", reason="the tool makes its mesh with scipy, which is not installed")
+
+from tools.bench.bending.drape import (  # noqa: E402
+    MEASURED,
+    RADIUS,
+    REST,
+    SUPPORT,
+    bending_length,
+    folds,
+    measure,
+    ring,
+    shadow,
+    woven,
+)
 
 
 def test_the_mesh_is_the_disc_outside_the_support_and_its_shadow_is_its_area():

@@ -51,7 +51,8 @@ def test_sweeps_let_edges_turn_about_a_rim():
     sim.run()
     report, x = sim.report(), sim.positions("/cloth")
     on = (np.abs(x[:, 0]) < 0.401) & (np.abs(x[:, 2]) < 0.301)
-    assert report["warnings"] == [] and report["error"]["penetration"] < STANDS_OUT
+    told = [w for w in report["warnings"] if "edges strain by" not in w]           # which sweeps leave, and the run says so
+    assert told == [] and report["error"]["penetration"] < STANDS_OUT
     assert x[on, 1].max() - 0.02 < 2e-3
 
 

@@ -92,7 +92,7 @@ def test_a_list_without_room_is_made_again_though_one_for_a_proof_follows(monkey
         places.append(sim.positions())
         assert (sim.plan.method("selfcontact").near.pairs.capacity > room) == (each == 1)
     assert said(sim)["searches"] > 15.0 and np.array_equal(*places)
-    assert lists[0] == 1 and len(lists) == sum("there was room for" in w for w in sim.repeats)
+    assert lists[0] == 1 and sum("there was room for" in w for w in sim.repeats) == 1      # an estimate beside it has its own
 
 
 def test_a_first_list_finds_room_before_its_frame_is_recorded(monkeypatch):

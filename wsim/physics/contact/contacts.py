@@ -161,7 +161,7 @@ class Contacts:
         def zeros(dtype):
             return wp.zeros(n * capacity, dtype=dtype, device=self.device)
         s.row, s.n, s.b, s.u, self.push = zeros(int), zeros(t.vec3), zeros(t.scalar), zeros(t.vec3), zeros(t.vec3)
-        s.site = zeros(int) if self.edges else None
+        s.site = zeros(int) if self.edges else wp.zeros(0, dtype=int, device=self.device)
 
     def tell(self, wanted: wp.array) -> None:
         """Takes the word (first entry of an int array) for the room that a point wants."""

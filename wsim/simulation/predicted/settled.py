@@ -79,7 +79,7 @@ def strain(sim) -> float:
 
 
 def begun(sim) -> Settled | None:
-    """What estimates a run's strain; None where it has none of sweeps, or things beside that may not be stepped twice."""
+    """The estimate of a run's strain; None where it has none of sweeps, or things beside that may not be stepped twice."""
     alone = sim.worlds == 1 and not sim.gradients and sim.fps is None and sim.model.alias is None
     there = {name for name, things in sim.scene.others.items() if things}
     swept = sim.plan.choice.solver == "xpbd" and sim.model.points <= MOST

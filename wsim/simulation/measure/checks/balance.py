@@ -158,7 +158,7 @@ class Balance(Method):
 
     @property
     def first(self) -> str:
-        """What helps in the first frames besides, of bodies."""
+        """The advice of the first frames besides, for bodies."""
         return APART * bool(self.terms.rigid and self.frames <= FIRST)
 
     def gains(self, said: np.ndarray) -> list[tuple[tuple, float, str]]:
