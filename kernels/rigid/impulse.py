@@ -82,7 +82,7 @@ def formulas(real, held: bool = False):
         return x
 
     @wp.func
-    def carries(g: int, k: int, rig: Rig):
+    def collider_moves(g: int, k: int, rig: Rig):
         """Whether a frame is that of a collider that moves."""
         g -= rig.b.w.shape[0]
         moves = bool(False)
@@ -131,7 +131,7 @@ def formulas(real, held: bool = False):
                     rig.work.now[j] = rig.c.gap[j] + wp.dot(n, d)
                     if wp.static(held):
                         rig.c.drift[j] = t.vec3()
-                        if carries(two.g, k, rig) and rig.c.skin[m] == t.vec2() and rig.c.rim[j] == t.vec2():
+                        if collider_moves(two.g, k, rig) and rig.c.skin[m] == t.vec2() and rig.c.rim[j] == t.vec2():
                             rig.c.drift[j] = d - wp.dot(n, d) * n
                     arm_a = arm_a - rig.c.skin[m][0] * n
                     arm_b = arm_b + rig.c.skin[m][1] * n

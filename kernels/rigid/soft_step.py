@@ -43,7 +43,7 @@ A2 = TURN * A1
 GIVES, RATE = wp.constant(1.0 / A2), wp.constant(TURN / A1)     # rate h
 NEAR = wp.constant(0.01)                   # of A_ii: points of which one is needless share what they bear as they did
 MOST = wp.constant(4.0)                    # [m/s] at which what overlaps is pushed apart, at most
-BACK = wp.constant(0.005)                  # of the drift in a substep; 0.02 rocks ten tonnes that stand on a kilogram
+BACK = wp.constant(0.005)                  # of the drift in a substep
 TURNS = wp.constant(1.0e-4)                # [rad] in a substep below which points go straight, as they do from 1 rad on
 
 

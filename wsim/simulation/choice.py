@@ -196,7 +196,7 @@ def _auto(model: Model) -> Choice:
         return few
     if explicit <= _worth(scene) * min(sweeps, solved):
         return whole
-    if least <= FIRM * min(sweeps, solved) and not _hard(model) and sweep_strain.left(model, falls(model), xpbd) > FELT:
+    if least <= FIRM * min(sweeps, solved) and not _hard(model) and sweep_strain.strain_left(model, falls(model), xpbd) > FELT:
         return few
     if newton and (SURER * solved < sweeps or
                    solved <= SURE * sweeps and RIGHTER * predicted(model, newton) <= predicted(model, xpbd)):

@@ -254,7 +254,7 @@ def place(sim: Simulation, path: str | None, name: str, values: np.ndarray, worl
         _fits(sim, body.path, name, values)
     for body in bodies:
         _put(sim, body, name, values)
-    sim.plan.clock.starting, sim.measured, sim.settled = True, False, False
+    sim.plan.clock.starting, sim.measured, sim.settled = True, False, None
     sim.graph = None
 
 
@@ -288,6 +288,6 @@ def restart(sim: Simulation, frame: int, fields: dict[str, dict[str, np.ndarray]
                 now = array.numpy()
                 now[rows] = values[name] if fits else stored(sim.model.body(path), values[name])
                 array.assign(now)
-    sim.frame, sim.plan.clock.starting, sim.measured, sim.settled = frame, not exact, False, False
+    sim.frame, sim.plan.clock.starting, sim.measured, sim.settled = frame, not exact, False, None
     for method in sim.plan.methods if exact else ():
         method.resumed((frame - 1) / sim.scene.fps)

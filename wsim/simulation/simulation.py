@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -69,8 +69,8 @@ class Simulation:
 
     def _build(self) -> None:
         self.frame = 0
-        self.graph = self.pulled = None                          # `pulled` is made by `reactions`
-        self.measured, self.settled = cast("tuple[Any, Any]", (None, None))        # by `follow` in frame 1; False: never
+        self.graph = self.pulled = self.settled = None           # made by `reactions` (pulled) and `follow` (settled)
+        self.measured: Any = None              # made by `follow` in the first frame; False: never, nor `settled`
         self.balance: measure.Balance | None = None
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])      # live motions change copies
         if self.precision == "float32":

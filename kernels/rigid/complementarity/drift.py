@@ -32,7 +32,7 @@ def holding(real):
         return wp.length(rig.c.drift[j]) > real(0.0) and wp.abs(wp.length(rig.c.rub[j]) - most) > real(SLIPS) * most
 
     @wp.func(inline=False)
-    def hold(m: int, count: int, mu: t.vec2, rig: Rig):
+    def hold_points(m: int, count: int, mu: t.vec2, rig: Rig):
         n = rig.c.n[m]
         R = rig.work.turn[rig.s.frame[rig.c.b[m]]]
         held = real(0.0)
@@ -64,4 +64,4 @@ def holding(real):
                     rig.c.core_b[j] = rig.c.core_b[j] + wp.transpose(R) * (rig.c.drift[j] - drift)
                     rig.c.drift[j] = drift
 
-    return hold
+    return hold_points

@@ -5,34 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tools.bench.bending.drape import MEASURED, RADIUS, REST, SUPPORT, bending_length, folds, measure, ring_mesh, shadow, woven
 from wsim.scene.fabric import FABRICS
-
-pytest.importorskip("scipy", reason="the tool makes its mesh with scipy, which is not installed")
-
-from tools.bench.bending.drape import (  # noqa: E402
-    MEASURED,
-    RADIUS,
-    REST,
-    SUPPORT,
-    bending_length,
-    folds,
-    measure,
-    ring,
-    shadow,
-    woven,
-)
 
 
 def test_the_mesh_is_the_disc_outside_the_support_and_its_shadow_is_its_area():
     """A ring of straight edges of length l is smaller than the circle by (l / R)^2 / 6 of its area."""
-    points, triangles, held = ring(6)
+    points, triangles, held = ring_mesh(6)
     area = shadow(points, triangles[~held[triangles].all(axis=1)])
     assert area == pytest.approx(np.pi * (RADIUS**2 - SUPPORT**2), rel=5e-3)
     assert np.all(np.hypot(*points[held][:, [0, 2]].T) < SUPPORT + 1e-9)
 
 
 def test_folds_of_a_wavy_hem_are_counted():
-    points, _, _ = ring(6)
+    points, _, _ = ring_mesh(6)
     angle = np.arctan2(points[:, 2], points[:, 0])
     assert folds(points * (1.0 + 0.1 * np.sin(7.0 * angle))[:, None], points) == 7
 

@@ -24,7 +24,6 @@ import argparse
 import time
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from wsim.scene import Scene, Varying
 from wsim.scene.curve import Curve
@@ -40,23 +39,33 @@ CELLS = 1200                                  # of the shadow's picture, along a
 MEASURED = {"leather": (47.35, 69.9)}
 
 
-def ring(rings: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def ring_mesh(rings: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (n, 3) [m] and triangles (t, 3) of the disc outside the support, in so many rings, and which points are held."""
-    length, flat = (RADIUS - SUPPORT) / rings, []
+    length, circles, first = (RADIUS - SUPPORT) / rings, [], 0
     for k in range(-1, rings + 1):
-        r = SUPPORT + k * length
-        count = round(2.0 * np.pi * r / length * 0.95)
-        angle = 2.0 * np.pi * (np.arange(count) + 0.5 * (k % 2)) / count
-        flat.append(r * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+        count = round(2.0 * np.pi * (SUPPORT + k * length) / length * 0.95)
+        circles.append((first, count, np.pi * (k % 2) / count))
+        first += count
+    flat = [(SUPPORT + (k - 1) * length) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            for k, (_, count, turn) in enumerate(circles) for angle in [turn + 2.0 * np.pi * np.arange(count) / count]]
     points = np.concatenate(flat)
-    triangles = Delaunay(points).simplices
-    inner = len(flat[0])
-    triangles = triangles[(triangles >= inner).any(axis=1)]
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    triangles = np.where((turn > 0.0)[:, None], triangles[:, ::-1], triangles)
+    triangles = np.concatenate([between_circles(*each) for each in zip(circles[:-1], circles[1:], strict=True)])
     return np.stack([points[:, 0], np.zeros(len(points)), points[:, 1]], axis=1), triangles.astype(np.int32), \
-        np.arange(len(points)) < inner + len(flat[1])
+        np.arange(len(points)) < circles[2][0]
+
+
+def between_circles(inner: tuple, outer: tuple) -> np.ndarray:
+    """Triangles (t, 3) between two circles of points (first, count, angle of the first), from the point that comes next on."""
+    (a, n, low), (b, m, high) = inner, outer
+    i, j, found = 0, 0, []
+    while i < n or j < m:
+        if i < n and (j == m or low + 2.0 * np.pi * (i + 1) / n <= high + 2.0 * np.pi * (j + 1) / m):
+            found.append((a + i % n, a + (i + 1) % n, b + j % m))
+            i += 1
+        else:
+            found.append((a + i % n, b + (j + 1) % m, b + j % m))
+            j += 1
+    return np.array(found)
 
 
 def shadow(x: np.ndarray, triangles: np.ndarray) -> float:
@@ -87,7 +96,7 @@ def folds(x: np.ndarray, rest: np.ndarray) -> int:
 
 def measure(material: Fabric, rings: int, seed: int = 1) -> tuple[float, int, float]:
     """(drape coefficient [1], number of folds, mean speed at the end [m/s])."""
-    points, triangles, held = ring(rings)
+    points, triangles, held = ring_mesh(rings)
     start = points.copy()
     start[~held, 1] += 1e-3 * RADIUS * np.random.default_rng(seed).standard_normal((~held).sum())
     scene = Scene(frames=LONGEST, solver="implicit", integrator="backward_euler", substeps=1)

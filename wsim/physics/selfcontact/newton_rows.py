@@ -142,7 +142,7 @@ class NewtonRows(Term):
         self.when_near(look)
 
     def follow(self, clock: Clock, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
-        """Behind the Newton steps of a substep: further ones while a row is wrong, or the residual above `bound`."""
+        """Behind the Newton steps of a substep: further ones while a row is wrong, or the residual above `most_left`."""
         self.words.zero_()
         self.when_near(lambda: self.check(0, measure))
         wp.capture_while(self.words[laws.WRONG:laws.WRONG + 1], lambda: self.further(again, measure))
@@ -152,7 +152,7 @@ class NewtonRows(Term):
         again()
         self.check(1, measure)
 
-    def bound(self) -> float:
+    def most_left(self) -> float:
         """Largest residual with which a substep may end; inf: any, since each ends with less than it began with."""
         contact = self.method.contact
         return SOLVED if contact and contact.movers else self.clock.integrator.met[0]
@@ -163,7 +163,7 @@ class NewtonRows(Term):
         self.words[laws.WRONG:laws.WRONG + 1].zero_()
         self.words[laws.MOVING:laws.MOVING + 1].zero_()
         self.renew(laws.CHECK)
-        bound = self.bound()
+        bound = self.most_left()
         left = measure() if bound < inf else self.unasked
         self.model.launch(self.kernels["count"], 1, [left, bound, steps, MOST], [self.words])
 

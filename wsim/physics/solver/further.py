@@ -59,18 +59,18 @@ class Further:
         own, line = self.newton.assembly, self.newton.line
         system, joined = own.system, own.system.joined
 
-        def apart() -> None:
+        def each_body() -> None:
             self.lead_on(system.first, system.of, line.step, system.drop)
         if joined:
-            joined.when_near(lambda: self.lead_on(joined.starts, joined.world, joined.step, joined.drop), apart)
+            joined.when_near(lambda: self.lead_on(joined.starts, joined.world, joined.step, joined.drop), each_body)
         else:
-            apart()
+            each_body()
         for term in self.newton.terms:
             term.clip(clock.g)
         if joined:
-            joined.when_near(lambda: None, lambda: self.stand(clock))
+            joined.when_near(lambda: None, lambda: self.stop_solved(clock))
         else:
-            self.stand(clock)
+            self.stop_solved(clock)
 
     def lead_on(self, first: wp.array, of: wp.array, step: wp.array, drop: wp.array) -> None:
         """Along the last steps of each system: the points from first[i] to first[i + 1], of [system of each point]."""
@@ -80,7 +80,8 @@ class Further:
         own.system.launch(self.weigh, [self.words, first, own.A.own, y, step], [drop, self.secants], first.size - 1)
         launch(self.lead, self.model.points, [self.words, of, own.rows.w, self.secants, y], [y])
 
-    def stand(self, clock: Clock) -> None:
+    def stop_solved(self, clock: Clock) -> None:
+        """No step for bodies that have met the residual."""
         own = self.newton.assembly
         self.model.launch(self.stand_kernel, self.model.points,
                           [own.system.of, self.residual.array, clock.integrator.met[0]], [own.v.y])

@@ -110,9 +110,7 @@ class Measured:
 def follow(sim) -> None:
     """Looks at a frame of a simulation after it was stepped, of its first ones."""
     if sim.measured is None and sim.frame == 1:
-        sim.measured = _begun(sim) or False
-    if sim.settled is None and sim.frame == 1:
-        sim.settled = _swept(sim) or False
+        sim.measured, sim.settled = _begun(sim) or False, _strains(sim)
     if sim.settled and sim.settled.going:
         sim.settled.going = sim.settled.look(sim)
     if sim.measured and not sim.measured.done:
@@ -121,12 +119,12 @@ def follow(sim) -> None:
             sim.measured.companion = None
 
 
-def _swept(sim):
-    """What estimates strains of sweeps; None where there are none."""
+def _strains(sim):
+    """The estimate of strains that sweeps leave; None of other solvers."""
     if sim.plan.choice.solver != "xpbd":
         return None
-    from wsim.simulation.predicted.settled import begun
-    return begun(sim)
+    from wsim.simulation.predicted.settled import estimate_of
+    return estimate_of(sim)
 
 
 def _begun(sim) -> Measured | None:
@@ -145,7 +143,7 @@ def _coarser(sim):
         return None
     named = {"solver": choice.solver, "integrator": choice.integrator.name, "iterations": choice.iterations}
     other = type(sim)(replace(sim.given, substeps=n, **named), device=sim.device, precision=sim.precision)
-    other.settled = False
+    other.measured = False
     return other
 
 

@@ -38,7 +38,7 @@ class Settled:
         """Looks at a frame that was stepped; False: no more are looked at."""
         if sim.plan is not self.plan or sim.changes:
             return False
-        now = strain(sim)
+        now = peak_strain(sim)
         if now > max(LEAST, GROWN * self.last):
             self.last = now
             try:
@@ -59,7 +59,7 @@ class Settled:
             self.other = type(sim)(finer, device=sim.device, precision=sim.precision)
         self.other.restart(sim.frame * steps, {path: sim.fields(path) for path in sim.state.paths()}, alike=False)
         self.other.step()
-        return strain(self.other)
+        return peak_strain(self.other)
 
     def warnings(self) -> list[str]:
         """A warning of the frame that is stretched most beyond its estimate."""
@@ -72,13 +72,13 @@ class Settled:
                 'name more substeps or iterations, or solver "explicit"']
 
 
-def strain(sim) -> float:
+def peak_strain(sim) -> float:
     """Largest strain of an edge now [1]."""
     x = sim.state.x.numpy().astype(np.float64) + sim.state.e.numpy()
     return max((float(edge_strain(b, x).max(initial=0.0)) for b in sim.model.bodies if len(b.edges)), default=0.0)
 
 
-def begun(sim) -> Settled | None:
+def estimate_of(sim) -> Settled | None:
     """The estimate of a run's strain; None where it has none of sweeps, or things beside that may not be stepped twice."""
     alone = sim.worlds == 1 and not sim.gradients and sim.fps is None and sim.model.alias is None
     there = {name for name, things in sim.scene.others.items() if things}

@@ -47,7 +47,7 @@ def slender(body: Body, pinned: np.ndarray, size: float) -> float:
     return float(body.masses.sum()) / size * float(found.max(initial=0.0))
 
 
-def left(model: Model, falls: list, choice) -> float:
+def strain_left(model: Model, falls: list, choice) -> float:
     """Strain that the sweeps of a `wsim.simulation.choice.Choice` leave; 0 of other solvers."""
     if choice.solver != "xpbd":
         return 0.0

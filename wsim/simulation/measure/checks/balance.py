@@ -153,11 +153,11 @@ class Balance(Method):
         self.frames += 1
         for why in self.why:
             self.opens[why] = self.opens.get(why, 0) + 1
-        found = self.figures.notes(status, self.clock.steps, self.first) if self.figures else []
+        found = self.figures.notes(status, self.clock.steps, self.at_start) if self.figures else []
         return [*found, *self.gains(status.said(WORD))]
 
     @property
-    def first(self) -> str:
+    def at_start(self) -> str:
         """The advice of the first frames besides, for bodies."""
         return APART * bool(self.terms.rigid and self.frames <= FIRST)
 
@@ -176,7 +176,7 @@ class Balance(Method):
                      f"{self.clock.steps} substeps)")]
         if gained >= self.worst[0]:
             self.worst = gained, (f"{path} gained energy that nothing gave it, {{worst}} J where the largest kinetic energy so "
-                                  f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps){self.first}")
+                                  f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps){self.at_start}")
         return [(("energy",), gained, self.worst[1])]
 
     def report(self) -> dict[str, Any]:

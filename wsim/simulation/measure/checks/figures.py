@@ -50,8 +50,8 @@ class Figures:
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("check", why=name) for name in (GAPS, OVERLAPS) if status.said(name).any()]
 
-    def notes(self, status: Status, steps: int, first: str) -> list[tuple[tuple, float, str]]:
-        """Warnings: prims, the figure, what helps. steps: substeps now; first: what helps in the first frames besides."""
+    def notes(self, status: Status, steps: int, at_start: str) -> list[tuple[tuple, float, str]]:
+        """Warnings: prims, the figure, what helps. steps: substeps now; at_start: what helps in the first frames besides."""
         found = []
         if status.said(GAPS).any():
             path, gap, angle = self.worst_joint()
@@ -61,7 +61,7 @@ class Figures:
         if status.said(OVERLAPS).any():
             one, other, deep = self.worst_overlap()
             found.append(((OVERLAPS,), deep, f"{one} and {other} overlap by {{worst}} m; give more substeps (now {steps}), or "
-                          f"masses that are more alike{first}"))
+                          f"masses that are more alike{at_start}"))
         return found
 
     def worst_joint(self) -> tuple[str, float, float]:
