@@ -137,6 +137,7 @@ def _balance(report: dict) -> list[str]:
         opened = ", ".join(f"{n} left open ({why})" for why, n in said["left_open"].items())
         whole = all(n < said["frames"] for n in said["left_open"].values())
         rose = f"energy rose by at most {100.0 * said['rise']:.2g} % of the largest kinetic energy"
+        rose += ", without that of edges which sweeps leave strained" * said["strained"]
         lines.append(f"balance   of {said['frames']} frames: {'; '.join(filter(None, [rose * whole, opened]))}")
     if repeats:
         lines.append(f"repeated  {repeats[0]}" + f", and {len(repeats) - 1} more" * (len(repeats) > 1))

@@ -180,9 +180,11 @@ class Balance(Method):
         return [(("energy",), gained, self.worst[1])]
 
     def report(self) -> dict[str, Any]:
-        """The part of a report: frames, those left open by reason, the largest rise over the largest kinetic energy."""
+        """The part of a report: frames, those left open by reason, the largest rise over the largest kinetic energy; strained:
+        True where what sweeps leave strained is not counted in it."""
         peak, most = (a.numpy() for a in (self.ledger.peak, self.ledger.most))
-        return {"frames": self.frames, "left_open": dict(self.opens), "rise": float((peak / np.maximum(most, 1e-300)).max())}
+        return {"frames": self.frames, "left_open": dict(self.opens), "rise": float((peak / np.maximum(most, 1e-300)).max()),
+                "strained": self.terms.solver == "xpbd" and bool(self.model.bodies)}
 
     def found(self) -> dict[str, Any]:
         """The last rise of the world that gained most: gained, allowed, kinetic, work [J], world."""
