@@ -7,6 +7,8 @@ in the copy, whatever the environment says: without, every process of the tests 
 
 Tests that were skipped run again with the extras that they need, and those alone: by pytest's report of the first run.
 
+The first command must leave nothing that git would add. With the word `full` (`.ci/full`), tests marked slow run last.
+
 The commands are taken from the `sh` blocks of the README's section Install, so that they cannot drift apart; its quick starts
 are run by tests/tools/test_readme.py. Prints each step with its time, and at the end pytest's closing line; exits with 1 if
 anything failed. Needs python3 (3.11 to 3.14) and a package index.
@@ -28,6 +30,7 @@ REPORT, AGAIN = "../report.xml", "../again.txt"         # of the tests of the se
 OTHER = re.compile("CUDA|GPU")                          # in reasons to skip that no extra mends
 CHECKS = (".venv/bin/pip install -q --no-compile -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q @{AGAIN}",
           ".venv/bin/ruff check .", ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
+SLOW = (".venv/bin/pytest -q -m slow",)
 LARGE = 4e9                                     # [bytes] of kernels of the tests; one commit's are 0.5e9
 CLOSING = re.compile(r"\b(passed|failed|errors?)\b.* in [\d.]+s")
 MADE = ("hanging.usdc", "hanging.png")          # what the first command must leave behind
@@ -52,6 +55,13 @@ def copy(to: Path) -> None:
         if name and (source.is_symlink() or source.is_file()):
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, target, follow_symlinks=False)
+
+
+def untracked(folder: Path) -> set[str]:
+    """What git would add, were this folder its working tree; nothing without git."""
+    listed = subprocess.run(["git", f"--work-tree={folder}", "ls-files", "-o", "--exclude-standard"], cwd=ROOT,
+                            capture_output=True, text=True)
+    return set(listed.stdout.splitlines())
 
 
 def kept() -> Path | None:
@@ -103,10 +113,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="wsim-ci-") as place:
         folder = Path(place, "wsim")
         copy(folder)
+        before = untracked(folder)
         strange = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE")
         environment = {k: v for k, v in os.environ.items() if k not in strange}
         environment["WARP_CACHE_PATH"] = str(Path(place, "kernels"))
-        for number, command in enumerate((*commands(), *CHECKS)):
+        for number, command in enumerate((*commands(), *CHECKS, *(SLOW if "full" in sys.argv[1:] else ()))):
             if number == 1 and (cache := kept()):
                 print(f"kernels are kept: {sum(1 for _ in cache.rglob('*.meta'))} modules were there", flush=True)
                 environment |= {"WARP_CACHE_PATH": str(cache), "MYPY_CACHE_DIR": str(cache / "mypy")}
@@ -114,6 +125,8 @@ def main() -> int:
             good, lines = step(command, folder, environment | reporting)
             if not good:
                 failed.append(command)
+            if number == 0 and (left := untracked(folder) - before):
+                failed.append("the first command leaves what git would add: " + " ".join(sorted(left)[:5]))
             if number == 1:
                 again = skipped(folder / REPORT)
                 if again:                       # else pytest finds no list and fails, where an empty one would run all
