@@ -37,7 +37,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, _new, _check, _plan, _bench, _fit, _sweep, _view, _picture, _schema):
+    for add in (_run, _new, _check, _plan, _bench, _fit, _sweep, _view, _picture, _copy, _schema):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -206,6 +206,12 @@ def _view(commands) -> None:
     view.add_argument("-o", "--output", "--save", type=named, dest="save", metavar="FILE",
                       help="write a .rrd file instead, for: rerun FILE")
     _web(view)
+
+
+def _copy(commands) -> None:
+    copy = commands.add_parser("copy", help="copy a result with its volumes, restart fields and clips")
+    copy.add_argument("result")
+    copy.add_argument("target", type=named, help="copy: .usdc, .usda or .usd, in any folder")
 
 
 def _schema(commands) -> None:

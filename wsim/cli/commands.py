@@ -273,3 +273,12 @@ def picture(args) -> int:
         _say(str(note))
     print(f"{drawn['out']}: {count(len(drawn['frames']), 'frame')}, {drawn['size'][0]} x {drawn['size'][1]} pixels")
     return DONE
+
+
+def copy(args) -> int:
+    """`wsim copy`: a result under another name, with all files of it."""
+    from wsim.usd.result.kinds.duplicate import copy_result
+
+    interrupt.begin("throw")
+    print(f"{copy_result(args.result, args.target)}: a copy of {args.result}, with files of its own")
+    return DONE

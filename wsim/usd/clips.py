@@ -19,10 +19,11 @@ from collections.abc import Iterable
 from contextlib import suppress
 from math import floor
 
-from pxr import Sdf, Tf, Vt
+from pxr import Sdf, Tf, UsdUtils, Vt
 
 from wsim.usd.result.atomic import PART
 from wsim.usd.result.crate import MADE
+from wsim.usd.result.kinds.siblings import referred
 
 SET, MANIFEST = "wsim", "manifest.usda"
 MADE_FOR = "wsim:clipsOf"      # custom data of a manifest: the result that its folder belongs to
@@ -150,6 +151,29 @@ def joined(layer: Sdf.Layer, folder: str) -> Sdf.Layer:
     return made
 
 
+def copy_clips(layer: Sdf.Layer, place: str, target: str) -> str:
+    """Copies the clips of a result layer of the folder `place` for its copy `target`, which the layer then names; returns their
+    new folder, "" where there are none. Raises OSError where one is missing or cannot be written; nothing stays then."""
+    names = clips_of(layer)
+    if not names:
+        return ""
+    folder = _free(target)
+    draft = os.path.join(os.path.dirname(target), f".{os.path.basename(target)}.{secrets.token_hex(4)}.{PART}")
+    try:
+        os.mkdir(draft)
+        manifest = Sdf.Layer.OpenAsAnonymous(os.path.join(place, os.path.dirname(names[0]), MANIFEST))
+        manifest.customLayerData = {MADE: True, MADE_FOR: os.path.basename(target)}
+        _save(manifest, os.path.join(draft, MANIFEST))
+        for name in names:
+            shutil.copyfile(os.path.join(place, name), os.path.join(draft, os.path.basename(name)))
+        os.rename(draft, folder)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    UsdUtils.ModifyAssetPaths(layer, lambda path: os.path.join(folder, os.path.basename(path))
+                              if path in names or os.path.basename(path) == MANIFEST else path)
+    return folder
+
+
 def _folders(path: str) -> dict[str, str]:
     """Names and paths of the folders of clips that may be those of the result `path`."""
     name = re.compile(rf"{re.escape(os.path.splitext(os.path.basename(path))[0])}\.clips\d*\Z")
@@ -164,21 +188,14 @@ def _free(path: str) -> str:
 
 
 def tidy(path: str) -> None:
-    """Removes what earlier runs to `path` left that nothing names any more: clips of a result that was replaced, and drafts of
-    clips. Only files that a run has written; a folder with anything else in it stays."""
+    """Removes what earlier runs to `path` left that no layer beside it names any more: clips of a result that was replaced, and
+    drafts of clips. Only files that a run has written; a folder with anything else in it stays."""
     draft = re.compile(rf"\.{re.escape(os.path.basename(path))}\.[0-9a-f]{{8}}\.{PART}\Z")
     for entry in list(os.scandir(os.path.dirname(path))):
         if draft.match(entry.name) and entry.is_dir(follow_symlinks=False):
             shutil.rmtree(entry.path, ignore_errors=True)
-    folders = _folders(path)
-    if not folders:
-        return
-    used: list[str] = []
-    with suppress(Tf.ErrorException):
-        layer = Sdf.Layer.OpenAsAnonymous(path) if os.path.exists(path) else None
-        used = [name.split("/")[1] for name in clips_of(layer)] if layer else []
-    for name, folder in folders.items():
-        if name not in used and _made_for(folder) == os.path.basename(path):
+    for name, folder in _folders(path).items():
+        if _made_for(folder) == os.path.basename(path) and not referred(os.path.dirname(path), name + "/"):
             for file in list(os.scandir(folder)):
                 if re.fullmatch(rf"frame\.-?\d+\.usdc|{re.escape(MANIFEST)}", file.name):
                     os.remove(file.path)

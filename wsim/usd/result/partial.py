@@ -19,10 +19,10 @@ from pxr import Sdf, Tf
 from wsim.usd import clips
 from wsim.usd.result import atomic, crate
 from wsim.usd.result.kinds import beside
+from wsim.usd.result.kinds.siblings import ENDINGS
 from wsim.usd.result.lock import Lock
 from wsim.usd.stage import reason
 
-ENDINGS = (".usdc", ".usda", ".usd")
 SHARE = 0.05           # of the wall time may go into saving; 0 saves only at the end, 1 after every frame
 
 
@@ -70,7 +70,7 @@ def recover(path: str) -> str | None:
     if not Sdf.Layer.OpenAsAnonymous(partial).ListAllTimeSamples():
         files = beside.of(partial, path)
         os.remove(partial)
-        beside.remove(os.path.dirname(path), files)
+        beside.remove(path, files)
         return None
     stem, k = os.path.splitext(path)[0], 1
     while os.path.lexists(kept := f"{stem}.recovered{'' if k == 1 else k}.usdc"):
@@ -167,7 +167,7 @@ class Partial:
             self._export(flat)
             self.layer = None
             os.remove(self.path)
-        beside.remove(self.beside.place, before)
+        beside.remove(self.final, before)
         clips.tidy(self.final)
         self.lock.release()
         stale = Sdf.Layer.Find(self.final)

@@ -226,18 +226,17 @@ class Recorder:
             check_fields(path, fields)
         return found
 
-    def _save(self, with_fields: bool) -> None:
+    def _save(self, with_fields: bool, last: bool = False) -> None:
         if with_fields:
             for path, fields in self.fields.items():
                 store(self.stage.GetPrimAtPath(path), self.fields_code, fields, None if self.flatten else self.file.beside)
             self.bytes_since_fields = 0
         layer = self.file.layer
+        self.file.beside.forget_empty(layer, last)
         provenance.write(layer, self.scene, self.settings())
         layer.startTimeCode = min(layer.startTimeCode, self.codes[0])
         layer.endTimeCode = self.codes[-1]
         self.file.save()
-
-    # closing
 
     def close(self, interrupted: bool = False) -> str | None:
         """Ends the file and gives it its name; returns that, or None where there is none.
@@ -265,7 +264,7 @@ class Recorder:
         layer = self.file.layer
         if interrupted:
             layer.customLayerData = {**layer.customLayerData, "wsim:interrupted": True}
-        self._save(with_fields=True)
+        self._save(with_fields=True, last=not interrupted)
         if interrupted:
             return
         flat = flattened(self.stage, os.path.dirname(self.path)) if self.flatten else None

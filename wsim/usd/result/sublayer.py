@@ -12,6 +12,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 from wsim.scene import Scene
 from wsim.usd.result import atomic
 from wsim.usd.result.dependencies import overwritten
+from wsim.usd.result.kinds.siblings import referred
 
 METADATA = ("defaultPrim", "framePrecision", "colorConfiguration", "colorManagementSystem", "renderSettingsPrimPath",
             "expressionVariables")
@@ -75,28 +76,41 @@ def write_source(scene: Scene, path: str) -> tuple[str, bool]:
         with atomic.draft(target) as draft:
             save(scene, draft)
             layer = Sdf.Layer.OpenAsAnonymous(str(draft))
-        layer.customLayerData = {MADE_FOR: os.path.basename(path)}
-        text, k = layer.ExportToString(), 1
-        while os.path.lexists(target := _source(path, k)) and not _holds(target, text):
-            k += 1
-        new = not os.path.lexists(target)
-        if new:
-            atomic.replace_text(target, text)
+        return _put_source(layer, path)
     except Tf.ErrorException as error:
         raise OSError(f"{target} could not be written: {error}") from None
+
+
+def copy_source(source: str, result: str, copy: str) -> tuple[str, bool]:
+    """A scene of `write_source` for `result` as one of its copy; returns that file, and whether it is new. Any other file is
+    returned itself."""
+    if not source.endswith(".usda") or _made_for(source) != os.path.basename(result):
+        return source, False
+    layer, folder = Sdf.Layer.OpenAsAnonymous(source), os.path.dirname(source)
+    UsdUtils.ModifyAssetPaths(layer, lambda path: relative(os.path.normpath(os.path.join(folder, path)), os.path.dirname(copy))
+                              if path.startswith(("./", "../")) else path)
+    return _put_source(layer, copy)
+
+
+def _put_source(layer: Sdf.Layer, path: str) -> tuple[str, bool]:
+    """The file beside the result `path` that holds its scene, and whether it is new."""
+    layer.customLayerData = {MADE_FOR: os.path.basename(path)}
+    text, k = layer.ExportToString(), 1
+    while os.path.lexists(target := _source(path, k)) and not _holds(target, text):
+        k += 1
+    new = not os.path.lexists(target)
+    if new:
+        atomic.replace_text(target, text)
     return target, new
 
 
 def remove_sources(path: str, keep: str | None) -> None:
-    """Removes scenes of `write_source` for the result `path` that neither it nor one of its unfinished runs lies over."""
-    stem = re.escape(os.path.basename(os.path.splitext(path)[0]))
-    beside = {entry.name: entry.path for entry in os.scandir(os.path.dirname(path))}
-    used = {os.path.normpath(os.path.join(os.path.dirname(path), source)) for name, other in beside.items()
-            if re.fullmatch(rf"{stem}\.(partial|recovered\d*)\.usdc", name) for source in _sublayers(other)}
-    for name, source in beside.items():
-        if (re.fullmatch(rf"{stem}_scene\d*\.usda", name) and source != keep and source not in used
-                and _made_for(source) == os.path.basename(path)):
-            os.remove(source)
+    """Removes scenes of `write_source` for the result `path` that no layer beside it lies over any more."""
+    stem, place = re.escape(os.path.basename(os.path.splitext(path)[0])), os.path.dirname(path)
+    for entry in list(os.scandir(place)):
+        if (re.fullmatch(rf"{stem}_scene\d*\.usda", entry.name) and entry.path != keep
+                and _made_for(entry.path) == os.path.basename(path) and not referred(place, entry.name, growing=True)):
+            os.remove(entry.path)
 
 
 def _source(path: str, k: int) -> str:
@@ -109,14 +123,6 @@ def _holds(path: str, text: str) -> bool:
             return not os.path.islink(path) and file.read() == text
     except (OSError, ValueError):
         return False
-
-
-def _sublayers(path: str) -> list[str]:
-    try:
-        layer = Sdf.Layer.OpenAsAnonymous(path)               # held: its list does not outlive it
-        return list(layer.subLayerPaths)
-    except Tf.ErrorException:
-        return []
 
 
 def _made_for(path: str) -> str:

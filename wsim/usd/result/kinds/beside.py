@@ -2,7 +2,8 @@
 
 A run keeps them in a folder of its own, NAME.files/1f2e3d4c beside NAME.usdc, which the layer names (custom data) from its
 first byte on and by which it names each file, relative to itself. So they need no other name when the growing layer gets its
-own, or is put aside for recovery; and they go when that layer does. A file is there whole or not at all.
+own, or is put aside for recovery. They go when a run replaces that layer, unless the folder has another result's name, or a
+layer beside it still refers to it (a copy of the result does). A file is there whole or not at all.
 """
 
 import os
@@ -16,8 +17,8 @@ from typing import BinaryIO
 from pxr import Sdf, Tf
 
 from wsim.usd.result import atomic, crate
+from wsim.usd.result.kinds.siblings import KEY, referred
 
-KEY = "wsim:files"              # custom data of a layer: the folder of its files
 FOLDER = re.compile(r"[^/\\]+\.files/[0-9a-f]{8}\Z")
 
 
@@ -25,8 +26,9 @@ class Beside:
     """Files of the run that writes the result `final`. folder: of them, relative to the layer's; made with the first one."""
 
     def __init__(self, final: str):
-        self.place = os.path.dirname(os.path.abspath(final))
-        self.folder = f"{os.path.splitext(os.path.basename(final))[0]}.files/{secrets.token_hex(4)}"
+        self.final = os.path.abspath(final)
+        self.place = os.path.dirname(self.final)
+        self.folder = f"{home(final)}/{secrets.token_hex(4)}"
         self.counts: dict[str, int] = {}          # files of each name and ending: part of their names, so that none is twice
         self.taken: dict[str, str] = {}           # {file of an earlier run: what it is here}
         self.written: list[str] = []              # and not yet sure to stay, see `undo`
@@ -83,10 +85,16 @@ class Beside:
         self.written = []
 
     def saved(self) -> None:
-        """Removes what the layer, as it is on the disk now, does not name any more."""
-        for name in self.old:
-            self._unlink(name)
+        """Removes what the layer, as it is on the disk now, does not name any more, unless a copy of it does."""
+        if self.old and not referred(self.place, self.folder):
+            for name in self.old:
+                self._unlink(name)
         self.old = []
+
+    def forget_empty(self, layer: Sdf.Layer, whole: bool) -> None:
+        """A layer that is whole names no folder where no file was written."""
+        if whole and not self.counts:
+            layer.customLayerData = {key: value for key, value in layer.customLayerData.items() if key != KEY}
 
     def _unlink(self, name: str) -> None:
         with suppress(OSError):
@@ -94,24 +102,34 @@ class Beside:
 
     def discard(self) -> None:
         """All of them go, with their folder."""
-        remove(self.place, self.folder)
+        remove(self.final, self.folder)
 
 
-def remove(place: str, folder: str) -> None:
-    """Removes a folder that a layer in `place` named as its own; anything that is not named so stays."""
+def remove(final: str, folder: str) -> None:
+    """Removes a folder that an earlier layer of the result `final` named as its own. It stays where it has not that result's
+    name, where a layer beside it refers to it, and where it or the folder above is a link."""
+    place = os.path.dirname(final)
     path = os.path.join(place, folder)
-    if FOLDER.match(folder) and os.path.isdir(path) and not os.path.islink(path) and not os.path.islink(os.path.dirname(path)):
-        shutil.rmtree(path, ignore_errors=True)
-        with suppress(OSError):
-            os.rmdir(os.path.dirname(path))
+    own = os.path.dirname(folder) == home(final)
+    if not own or not FOLDER.match(folder) or not os.path.isdir(path) or os.path.islink(path) or os.path.islink(
+            os.path.dirname(path)) or referred(place, folder):
+        return
+    shutil.rmtree(path, ignore_errors=True)
+    with suppress(OSError):
+        os.rmdir(os.path.dirname(path))
+
+
+def home(final: str) -> str:
+    """Name of the folder, beside the result `final`, in which each run to it has a folder of files."""
+    return os.path.splitext(os.path.basename(final))[0] + ".files"
 
 
 def of(path: str, final: str) -> str:
     """The folder that the layer file `path`, made by a run of the result `final`, names as its own; "" if none."""
-    if not os.path.isdir(os.path.splitext(final)[0] + ".files") or not os.path.lexists(path):
+    if not os.path.isdir(os.path.join(os.path.dirname(final), home(final))) or not os.path.lexists(path):
         return ""
     try:
-        layer = Sdf.Layer.OpenAsAnonymous(path)
+        layer = Sdf.Layer.OpenAsAnonymous(path, True)
     except Tf.ErrorException:
         return ""
     return str(layer.customLayerData.get(KEY, "")) if layer and crate.made(layer) else ""
