@@ -2,7 +2,11 @@
 by hand)."""
 
 import socket
+import subprocess
+import sys
+import time
 import urllib.request
+from pathlib import Path
 
 import pytest
 
@@ -10,8 +14,8 @@ from tests.conftest import grid
 from tests.show.test_view import Stepped, needs_rerun
 from wsim.cli import main
 from wsim.scene import Scene, SceneError
-from wsim.show import web
 from wsim.show.viewer import Viewer, view
+from wsim.show.web import Page
 
 
 def free() -> int:
@@ -39,8 +43,8 @@ def scene() -> Scene:
 
 
 def test_the_address_names_the_data_on_the_next_port():
-    assert web.address(9190) == "http://localhost:9190/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9191%2Fproxy"
-    assert "ssh -L 9190:localhost:9190 -L 9191:localhost:9191 HOST" in web.words(9190)
+    assert Page(9190).address() == "http://localhost:9190/?url=rerun%2Bhttp%3A%2F%2Flocalhost%3A9191%2Fproxy"
+    assert "ssh -L 9190:localhost:9190 -L 9191:localhost:9191 HOST" in Page(9190).words()
 
 
 @pytest.mark.parametrize("taken", [0, 1])
@@ -50,10 +54,10 @@ def test_a_port_that_is_taken_is_said_with_the_mend(taken):
         other.bind(("0.0.0.0", port + taken))
         other.listen()
         with pytest.raises(SceneError, match=f"port {port + taken} is not free .* give another N"):
-            web.checked(port)
-    assert web.checked(port) == port
+            Page(port).check()
+    Page(port).check()
     with pytest.raises(SceneError, match="allowed is 1 to 65534"):
-        web.checked(65535)
+        Page(65535).check()
 
 
 def test_a_page_and_a_file_are_not_asked_for_at_once(capsys):
@@ -65,14 +69,58 @@ def test_a_page_and_a_file_are_not_asked_for_at_once(capsys):
 @needs_rerun
 def test_a_running_simulation_is_served(tmp_path):
     port, made = free(), scene()
-    viewer = Viewer(made, web=port)
+    viewer = Viewer(made, web=Page(port))
     sim = Stepped(made)
     sim.step()
     viewer.log(sim)
     with urllib.request.urlopen(f"http://localhost:{port}/") as page:
         assert page.status == 200 and b"rerun" in page.read().lower()
-    assert answers(port + 1)
+    assert listens(port) == listens(port + 1) == {"0100007F"}             # 127.0.0.1, and no other address
     viewer.close()
+    assert ended(port)
+
+
+def ended(port: int) -> bool:
+    """Neither port answers any more, after what the system takes to end a process."""
+    end = time.monotonic() + 20.0
+    while (answers(port) or answers(port + 1)) and time.monotonic() < end:
+        time.sleep(0.02)
+    return not answers(port) and not answers(port + 1)
+
+
+def listens(port: int) -> set[str]:
+    """Addresses on which something listens at a port, in the kernel's own digits (RFC 1122's order of bytes reversed)."""
+    found = set()
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            place, state = line.split()[1], line.split()[3]
+            if int(place.split(":")[1], 16) == port and state == "0A":
+                found.add(place.split(":")[0])
+    return found
+
+
+@needs_rerun
+def test_the_server_ends_with_the_process_that_started_it():
+    port = free()
+    child = subprocess.Popen([sys.executable, "-c", f"""
+from wsim.show.rerun_log import _program
+from wsim.show.web import Page, Server
+server = Server(_program(), Page({port}))
+print("ready", flush=True)
+input()"""], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "ready\n" and answers(port) and answers(port + 1)
+    child.kill()
+    child.wait()
+    assert ended(port)
+
+
+def test_another_address_is_warned_of_and_a_foreign_one_refused():
+    assert "warning: --bind 0.0.0.0: everyone who reaches this address" in Page(9190, "0.0.0.0").words()
+    assert "warning" not in Page(9190, "127.0.0.1").words() and "warning" not in Page(9190, "::1").words()
+    assert Page(9190, "::1").address().startswith("http://localhost:9190/")
+    for bind, said in (("192.0.2.1", "is no address of this machine"), ("everywhere", "is no IP address")):    # RFC 5737
+        with pytest.raises(SceneError, match=f"--bind: {bind} {said}"):
+            Page(9190, bind).check()
 
 
 @needs_rerun
@@ -83,7 +131,7 @@ def test_a_result_is_served_until_it_is_left(tmp_path):
 
     def served() -> None:
         seen.append((answers(port), answers(port + 1)))
-    view(tmp_path / "s.usda", web=port, served=served)
+    view(tmp_path / "s.usda", web=Page(port), served=served)
     assert seen == [(True, True)]
 
 

@@ -221,6 +221,8 @@ def _schema(commands) -> None:
 def _web(command) -> None:
     command.add_argument("--web", action="store_true", help="serve the viewer as a web page: no screen is needed")
     command.add_argument("--port", type=whole, default=9090, metavar="N", help="of the page; N + 1 of its data (default: 9090)")
+    command.add_argument("--bind", type=named, default="127.0.0.1", metavar="ADDRESS",
+                         help="where page and data listen (default: 127.0.0.1, this machine only)")
 
 
 def _picture(commands) -> None:

@@ -132,11 +132,12 @@ def _prepared(scene: "Scene", args) -> Iterator["Run"]:
     def simulate(simulated: "Scene") -> "Simulation":
         if args.view or args.web:
             from wsim.show.viewer import Viewer
-            from wsim.show.web import words
+            from wsim.show.web import Page
 
-            viewers.append(Viewer(simulated, web=args.port) if args.web else Viewer(simulated))
-            if args.web:
-                _say(words(args.port))
+            page = Page(args.port, args.bind) if args.web else None
+            viewers.append(Viewer(simulated, web=page) if page else Viewer(simulated))
+            if page:
+                _say(page.words())
         return _simulation(simulated, args)
 
     try:
@@ -254,10 +255,11 @@ def fit(args) -> int:
 def view(args) -> int:
     """`wsim view`: a result in rerun, as a file for it, or as a web page until Ctrl-C."""
     from wsim.show.viewer import view as show
-    from wsim.show.web import stay, words
+    from wsim.show.web import Page, stay
 
     interrupt.begin("throw")
-    show(args.result, save=args.save, web=args.port if args.web else None, served=lambda: stay(_say, words(args.port) + "\n"))
+    page = Page(args.port, args.bind)
+    show(args.result, save=args.save, web=page if args.web else None, served=lambda: stay(_say, page.words() + "\n"))
     return DONE
 
 

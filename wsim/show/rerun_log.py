@@ -13,7 +13,7 @@ import numpy as np
 
 from wsim.scene import Problem, SceneError
 from wsim.show.shading import Look
-from wsim.show.web import serve
+from wsim.show.web import Page, Server
 
 PORT = 9876                      # rerun's own
 PATIENCE = 20.0                  # [s] until a started viewer must listen
@@ -38,19 +38,20 @@ class Log:
     """A rerun recording with a time line of frames and one of seconds: into a file, to a web page, or to a viewer.
 
     name    of the recording                       up      "X", "Y" or "Z"
-    save    path of a file                         web     port of a page
+    save    path of a file                         web     a page to serve
     eye     where the view is from, and what it looks at [m]; None: as rerun chooses
     """
 
-    def __init__(self, name: str, up: str, save=None, web: int | None = None, eye: Eye | None = None):
+    def __init__(self, name: str, up: str, save=None, web: Page | None = None, eye: Eye | None = None):
         self.rr = rr = rerun_package()
-        self.eye = eye
+        self.eye, self.server = eye, None
         self.stream = rr.RecordingStream("wsim")
         self.stream.send_recording_name(name)
         if save is not None:
             self.stream.save(checked(Path(save)), default_blueprint=self._blueprint())
         elif web is not None:
-            serve(rr, self.stream, self._blueprint(), web)
+            self.server = Server(_program(), web)
+            self.stream.connect_grpc(self.server.data, default_blueprint=self._blueprint())
         else:
             _listening()
             self.stream.connect_grpc(f"rerun+http://127.0.0.1:{PORT}/proxy", default_blueprint=self._blueprint())
@@ -89,7 +90,10 @@ class Log:
             self.stream.flush()
         except RuntimeError as error:
             raise SceneError(Problem("view", f"the rerun viewer is gone ({error}); {INSTEAD}")) from None
-        self.stream.disconnect()
+        finally:
+            self.stream.disconnect()
+            if self.server:
+                self.server.close()
 
 
 class Shown:
@@ -138,17 +142,22 @@ def _answers() -> bool:
         return probe.connect_ex(("127.0.0.1", PORT)) == 0
 
 
+def _program() -> str:
+    """The program `rerun`: that of this Python's environment, else the shell's."""
+    beside = Path(sys.executable).with_name("rerun")
+    program = str(beside) if beside.exists() else shutil.which("rerun")
+    if program is None:
+        raise SceneError(Problem("view", MISSING))
+    return program
+
+
 def _listening() -> None:
     """Starts a viewer on 127.0.0.1 unless something listens there already, and waits until it does."""
     if _answers():
         return
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise SceneError(Problem("view", f"there is no screen to show it on; {INSTEAD}"))
-    beside = Path(sys.executable).with_name("rerun")
-    program = str(beside) if beside.exists() else shutil.which("rerun")
-    if program is None:
-        raise SceneError(Problem("view", MISSING))
-    process = subprocess.Popen([program, "--bind", "127.0.0.1", "--port", str(PORT)], stdout=subprocess.DEVNULL,
+    process = subprocess.Popen([_program(), "--bind", "127.0.0.1", "--port", str(PORT)], stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL, start_new_session=True)
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end and process.poll() is None:

@@ -5,7 +5,7 @@ other indicators.
     viewer = Viewer(scene)                      # live: simulation.run(240, each=viewer.log)
     viewer = Viewer(scene, save="flag.rrd")     # into a file, shown later by: rerun flag.rrd
 
-Needs the extra `view`. With `web=9090` a browser shows it (`wsim.show.web`); else the viewer is a process of its own that
+Needs the extra `view`. With `web=Page(9090)` a browser shows it (`wsim.show.web`); else the viewer is a process of its own that
 listens on 127.0.0.1, and one that runs already is used.
 rerun gathers usage statistics unless told otherwise: `rerun analytics disable`.
 """
@@ -25,6 +25,7 @@ from wsim.show.camera import fitted, subjects
 from wsim.show.rerun_log import Eye, Log, Shown, checked, srgb
 from wsim.show.shading import CREASE, Look, palette, smoothing
 from wsim.show.visible import Visible, visible
+from wsim.show.web import Page
 from wsim.usd.result.atomic import replacing
 
 SIDES = 64                       # of round shapes
@@ -38,11 +39,11 @@ class Viewer:
 
     scene   what is simulated: its meshes are sent at once, at the start time
     save    path of an .rrd file to write instead of showing; spawn=False with no save raises ValueError
-    web     port of a web page to serve instead (`wsim.show.web`)
+    web     a web page to serve instead (`wsim.show.web`)
     Raises SceneError when rerun is missing or does not start, OSError when `save` cannot be written.
     """
 
-    def __init__(self, scene: Scene, *, spawn: bool = True, save=None, web: int | None = None):
+    def __init__(self, scene: Scene, *, spawn: bool = True, save=None, web: Page | None = None):
         if not spawn and save is None and web is None:
             raise ValueError("a viewer shows (spawn=True) or writes (save=PATH); it was given neither")
         self.outlines = {c.path: _shape(c.shape, c.path + "/shape", k) for k, c in enumerate(scene.colliders)}
@@ -183,9 +184,9 @@ def _eye(places: list[np.ndarray], up: str, room: float = 0.0) -> Eye | None:
     return target + CLOSER * (camera.eye - target), target
 
 
-def view(result_path, save=None, web: int | None = None, served: Callable[[], object] = lambda: None) -> None:
+def view(result_path, save=None, web: Page | None = None, served: Callable[[], object] = lambda: None) -> None:
     """Shows a stage (a result or a scene) with all its frames, or writes it to the .rrd file `save`, or serves it as a web page
-    on port `web` until `served`, which is called when all is there, returns.
+    `web` until `served`, which is called when all is there, returns.
 
     Energy and strain are plotted where the stage can be read as a scene of wsim. Raises SceneError, OSError.
     """
@@ -200,7 +201,7 @@ def view(result_path, save=None, web: int | None = None, served: Callable[[], ob
         _show(seen, result_path, whole).close()
 
 
-def _show(seen: Visible, result_path, save: Path | None, web: int | None = None) -> Log:
+def _show(seen: Visible, result_path, save: Path | None, web: Page | None = None) -> Log:
     from wsim.show.plots import Measures
 
     ends = dict.fromkeys((seen.times[0], seen.times[-1]))
