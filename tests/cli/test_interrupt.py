@@ -60,3 +60,37 @@ def test_a_ctrl_c_while_usd_is_imported_ends_the_command_with_one_line():
             "from wsim.__main__ import main\nsys.exit(main())")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+LASTS = """
+import hashlib, sys
+from wsim.simulation import interrupt
+interrupt.start("leave")
+interrupt.begin("wait", "out.partial.usdc holds the frames saved so far")
+print("ready", flush=True)
+hashlib.pbkdf2_hmac("sha256", b"a", b"b", {rounds})          # a call of C that lasts, as a graph of many substeps does
+try:
+    interrupt.check()
+except KeyboardInterrupt:
+    print("behind the frame", flush=True)
+    sys.exit(130)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a signal wakes no pipe there")
+@pytest.mark.parametrize("presses", [1, 2])
+def test_ctrl_c_within_a_call_of_c(presses):
+    """The first waits until the call returns; the second ends the process though it would last an hour."""
+    rounds = 2_000_000 if presses == 1 else 2_000_000_000
+    child = subprocess.Popen([sys.executable, "-c", LASTS.format(rounds=rounds)], stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    assert child.stdout.readline() == "ready\n"
+    told = []
+    for _ in range(presses):
+        child.send_signal(signal.SIGINT)
+        while not told and (line := child.stderr.readline()):
+            told += [line] if line.strip() else []
+    rest, err = child.communicate(timeout=120)
+    assert child.returncode == 130 and told == ["wsim: the run ends when this frame does; Ctrl-C again ends it at once\n"]
+    assert (rest, err.strip()) == (("behind the frame\n", "") if presses == 1 else
+                                   ("", "interrupted: out.partial.usdc holds the frames saved so far"))

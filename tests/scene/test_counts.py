@@ -6,6 +6,8 @@ import pytest
 
 from wsim.bench import cache
 from wsim.cli.run import prepare
+from wsim.physics.fluid.liquid.objects import Liquid
+from wsim.physics.fluid.objects import Fluid
 from wsim.scene import Scene, SceneError
 from wsim.scene.check import counts
 from wsim.scene.check.scene import check
@@ -53,3 +55,12 @@ def test_without_a_home_a_bench_keeps_nothing_and_says_so(monkeypatch):
     assert cache.read("x") == (None, "")
     with pytest.raises(OSError, match="no home folder"):
         cache.folder()
+
+
+@pytest.mark.parametrize("name", ["steps", "most_steps"])
+@pytest.mark.parametrize("kind", [Fluid, Liquid])
+def test_steps_of_fluids_without_end_are_refused_and_many_are_said(kind, name):
+    for count, fatal, said in ((counts.MOST, False, "expected: up to 10000"), (counts.MOST + 1, True, "to 1000000")):
+        scene = Scene()
+        scene.add(kind("/air", (0, 0, 0), (1, 1, 1), 0.125, **{name: count}))
+        assert [p.fatal for p in check(scene) if f"{name} is 1e+06" in p.text and said in p.text] == [fatal]

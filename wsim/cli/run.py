@@ -177,6 +177,7 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
 
     Raises SceneError, and OSError where the output cannot be written.
     """
+    from wsim.usd.result.partial import partial_path
     from wsim.usd.result.recorder import Recorder, check_result
     from wsim.usd.result.restart import load_restart
 
@@ -197,7 +198,7 @@ def prepare(scene: Scene, output: str, simulate: Callable[[Scene], "Simulation"]
             """Fields that an exact restart needs, of whole frames."""
             return {} if sim.frame % samples else {path: sim.fields(path) for path in sim.state.paths()}
 
-        interrupt.begin("wait")                   # from here on there is a file
+        interrupt.begin("wait", f"{partial_path(output)} holds the frames saved so far")      # from here on there is a file
         recorder = Recorder(scene, output, flatten=flatten, restart_fields=fields, continues=earlier,
                             settings=lambda: settings(sim, samples))
         if stress and not scene.softs:

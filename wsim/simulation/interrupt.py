@@ -5,6 +5,10 @@
     wait     during a run it is noted, and `check` raises KeyboardInterrupt between frames, whose results are kept whole; a
              second one raises at once
     throw    elsewhere it raises at once, as Python does; what is swallowed (in a destructor, say) is noted all the same
+
+Python answers a signal between two of its own instructions, not within a call of C that lasts: a graph of many substeps, the
+compiler. So a thread hears of it too (signal.set_wakeup_fd). In a run it says at the first Ctrl-C that the run ends behind the
+frame; at the second it gives the program GRACE to end, then ends the process. Frames that were saved stay.
 """
 
 import os
@@ -15,8 +19,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 INTERRUPTED = 130
+GRACE = 0.7                  # [s] from the second Ctrl-C to the end of the process
 came = False                 # a Ctrl-C that is not answered yet
 mode = "throw"
+left = ""                    # what stays of a run that ends at once, for the last line
 
 
 def _handle(*_) -> None:
@@ -29,11 +35,65 @@ def _handle(*_) -> None:
         raise KeyboardInterrupt
 
 
-def begin(how: str) -> None:
-    """Begins to watch for Ctrl-C. Where Ctrl-C is not watched nothing changes."""
-    global mode
+class _Listener:
+    """A thread that hears of each Ctrl-C at once, whatever the main thread does."""
+
+    def __init__(self):
+        self.presses, self.ends = 0, (-1, -1)
+        self.ending = threading.Timer(GRACE, _leave)
+
+    def begin(self) -> None:
+        """Listens, unless it does already or somebody else listens for signals (an event loop)."""
+        self.presses = 0
+        if self.ends != (-1, -1) or os.name == "nt":            # Windows wakes sockets alone
+            return
+        self.ends = os.pipe()
+        os.set_blocking(self.ends[1], False)
+        before = signal.set_wakeup_fd(self.ends[1], warn_on_full_buffer=False)
+        if before != -1:
+            signal.set_wakeup_fd(before)
+            for end in self.ends:
+                os.close(end)
+            self.ends = (-1, -1)
+            return
+        threading.Thread(target=self._listen, args=(self.ends[0],), name="ctrl-c", daemon=True).start()
+
+    def end(self) -> None:
+        self.ending.cancel()
+        if self.ends != (-1, -1):
+            signal.set_wakeup_fd(-1)
+            os.close(self.ends[1])                              # the thread reads the end of the pipe, and ends
+            self.ends = (-1, -1)
+
+    def _listen(self, end: int) -> None:
+        while heard := os.read(end, 64):
+            for _ in range(heard.count(signal.SIGINT)):
+                self.presses += 1
+                self._answer()
+        os.close(end)
+
+    def _answer(self) -> None:
+        if self.presses == 1 and mode == "wait":
+            os.write(2, b"\nwsim: the run ends when this frame does; Ctrl-C again ends it at once\n")
+        elif self.presses == 2:
+            self.ending = threading.Timer(GRACE, _leave)
+            self.ending.daemon = True
+            self.ending.start()
+
+
+def _leave() -> None:
+    os.write(2, f"\ninterrupted{': ' if left else ''}{left}\n".encode())
+    os._exit(INTERRUPTED)
+
+
+_listener = _Listener()
+
+
+def begin(how: str, kept: str = "") -> None:
+    """Begins to watch for Ctrl-C. Where Ctrl-C is not watched nothing changes. kept: what stays where the process is ended."""
+    global mode, left
     if watched():
-        mode = how
+        mode, left = how, kept
 
 
 def check() -> None:
@@ -49,6 +109,7 @@ def wait() -> None:
         threading.Event().wait()
     except KeyboardInterrupt:
         came = False
+        _listener.presses = 0
 
 
 def watched() -> bool:
@@ -63,6 +124,7 @@ def start(how: str) -> bool:
         return False
     came = False
     signal.signal(signal.SIGINT, _handle)
+    _listener.begin()
     begin(how)
     return True
 
@@ -81,6 +143,7 @@ def watch(how: str) -> Iterator[None]:
     finally:
         if watched():
             signal.signal(signal.SIGINT, before)
+        _listener.end()
         sys.unraisablehook, came = silent, False
 
 

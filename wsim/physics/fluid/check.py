@@ -7,7 +7,7 @@ import numpy as np
 from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source
 from wsim.physics.fluid.shells import meets
 from wsim.scene import Plane, Problem, Scene, Springs, Surface
-from wsim.scene.check.objects import error, number, rigid, surface, warning
+from wsim.scene.check.objects import count, error, number, rigid, surface, warning
 from wsim.scene.solids import row
 
 LEAST = 4                  # cells along an axis that is not flat
@@ -38,8 +38,8 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
         yield error(path, f"its pressure is solved directly, and {scene.colliders[0].path} is an obstacle in it",
                     "multigrid or auto", "leave it on auto")
     yield from _unmet(fluid, scene)
-    yield from number(path, "steps", fluid.steps, 0)
-    yield from number(path, "most_steps", fluid.most_steps, 1)
+    yield from count(path, "steps", fluid.steps, 0)
+    yield from count(path, "most_steps", fluid.most_steps, 1)
     yield from number(path, "margin", fluid.margin, 0.0)
     if fluid.margin > 0.0:
         yield from _part(fluid)

@@ -14,6 +14,7 @@ from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
 from wsim.scene import CLOTH_MODELS, Cloth, Collider, Plane, Problem, Springs, Surface
 from wsim.scene.check import mesh
+from wsim.scene.check.counts import MANY, MOST
 from wsim.scene.curve import Motion
 from wsim.scene.nodal.masses import cloth_masses
 from wsim.scene.values import table
@@ -46,6 +47,16 @@ def number(path: str, name: str, value: float, low: float, strict: bool = False,
     if not isfinite(value) or value < low or (strict and value == low):
         allowed = "finite" + (f" and {'>' if strict else '>='} {low:g}" if low > -inf else "")
         yield error(path, f"{name} is {value:g}", allowed, mend or f"author another {name}")
+
+
+def count(path: str, name: str, value: float, least: int) -> Iterator[Problem]:
+    """How many steps: at least so many, and not more than end in time."""
+    yield from number(path, name, value, least)
+    if value > MOST:
+        yield error(path, f"{name} is {value:g}", f"{least} to {MOST}", f"author fewer {name}")
+    elif value > MANY:
+        yield warning(path, f"{name} is {value:g}: a frame takes as many times the time of one", f"up to {MANY}",
+                      f"author fewer {name}, where they are not meant")
 
 
 def values(thing) -> Iterator[Problem]:

@@ -9,7 +9,7 @@ from wsim.physics.fluid.liquid.objects import KINDS, ROLES, TRANSFERS, Liquid, L
 from wsim.physics.fluid.liquid.seeds import filling
 from wsim.physics.fluid.objects import SIDES
 from wsim.scene import Plane, Problem, Scene, Springs, Surface
-from wsim.scene.check.objects import error, number, rigid, surface, warning
+from wsim.scene.check.objects import count, error, number, rigid, surface, warning
 from wsim.scene.solids import row
 
 
@@ -30,8 +30,8 @@ def _liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
     yield from _sides(liquid)
     if liquid.transfer not in TRANSFERS:
         yield error(path, f"transfer is '{liquid.transfer}'", ", ".join(TRANSFERS), "choose one of them")
-    yield from number(path, "steps", liquid.steps, 0)
-    yield from number(path, "most_steps", liquid.most_steps, 1)
+    yield from count(path, "steps", liquid.steps, 0)
+    yield from count(path, "most_steps", liquid.most_steps, 1)
     if 0 < liquid.tolerance < 1e-7:
         yield warning(path, f"tolerance is {liquid.tolerance:g}, which float32 does not reach", "1e-6 or more",
                       "give a larger one, or float64")
