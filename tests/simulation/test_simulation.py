@@ -335,7 +335,7 @@ def test_what_a_scene_lacks_is_neither_planned_nor_allocated():
 
 @pytest.mark.parametrize("options, text", [
     ({"device": "cuda:99"}, "there is no device 'cuda:99'"), ({"precision": "half"}, "allowed are float32, float64"),
-    ({"worlds": 0}, "allowed is 1 or more")])
+    ({"worlds": 0}, "allowed is a whole number, 1 to")])
 def test_wrong_options_are_named(options, text):
     with pytest.raises(SceneError, match=text):
         Simulation(chain(2), **options)

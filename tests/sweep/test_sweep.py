@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -218,3 +219,29 @@ def test_the_command_line_writes_the_table_and_tells_failures(file, tmp_path, ca
     assert cli.main(asked) == 1
     assert "--resume" in capsys.readouterr().err
     assert cli.main([*asked, "--resume"]) == 0
+
+
+def test_two_sweeps_in_one_folder_wait_for_each_other(file, tmp_path):
+    """The second says who writes there, and takes no row of the first."""
+    vary = "stretch=list(200,300)"
+    first = wsim.sweep(file, vary, tmp_path / "out", settings=CPU)
+    row = next(first)
+    with pytest.raises(BlockingIOError, match=f"is being written by another run: process {os.getpid()}"):
+        wsim.sweep(file, vary, tmp_path / "out", resume=True, settings=CPU)
+    assert [row, *first] == list(wsim.sweep(file, vary, tmp_path / "out", resume=True, settings=CPU))
+    assert not (tmp_path / "out/sweep.lock").exists()
+
+
+def test_only_rows_of_runs_that_are_there_are_gone_on_with(file, tmp_path):
+    """No row of another number, of other values, of none, nor of a result that somebody removed."""
+    settings = Settings(device="cpu", keep="last")
+    vary, out = "stretch=list(200,300,400)", tmp_path / "out"
+    whole = list(wsim.sweep(file, vary, out, settings=settings))
+    (out / whole[1]["result"]).unlink()
+    rows = [whole[0], whole[1], {**whole[2], "run": 3}, {**whole[2], "run": -1}, {**whole[2], "run": True},
+            {**whole[2], "stretch": 500.0}, {"run": 2}, [1]]
+    (out / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    again = list(wsim.sweep(file, vary, out, resume=True, settings=settings))
+    assert lasting(again) == lasting(whole) == lasting(table(out))
+    assert [a["seconds"] == b["seconds"] for a, b in zip(again, whole, strict=True)] == [True, False, False]
+    assert all((out / row["result"]).is_file() for row in again)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wsim.model.midnodes import places, spread, stored
+from wsim.model.midnodes import places, spread
 from wsim.model.model import Body, edge_lengths
 from wsim.model.stage import ByWorld
 from wsim.scene import Motion, Problem, SceneError, Soft
@@ -273,21 +273,3 @@ def _put(sim: Simulation, body: Body, name: str, values: np.ndarray) -> None:
         rest = sim.state.e.numpy()
         rest[index] = exact - now[index]
         sim.state.e.assign(rest)
-
-
-def restart(sim: Simulation, frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool) -> None:
-    """See `Simulation.restart`."""
-    exact = alike
-    sim.plan.methods.restored(fields)
-    for path in sim.state.paths():
-        values = fields.get(path, {})
-        for name, array, rows in sim.state.of(path):
-            fits = name in values and len(values[name]) == len(rows)
-            exact &= fits
-            if name in values:
-                now = array.numpy()
-                now[rows] = values[name] if fits else stored(sim.model.body(path), values[name])
-                array.assign(now)
-    sim.frame, sim.plan.clock.starting, sim.measured, sim.settled = frame, not exact, False, None
-    for method in sim.plan.methods if exact else ():
-        method.resumed((frame - 1) / sim.scene.fps)

@@ -4,7 +4,8 @@
         for frame in simulation.frames(24):
             ...
 
-`wsim run` writes its frames by the same functions. What is read of points, here and by `Simulation`.
+`wsim run` writes its frames by the same functions. What is read of points, here and by `Simulation`. How a simulation goes on
+from a recording.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wsim.model.midnodes import stored
 from wsim.scene import Problem, SceneError
+from wsim.scene.check.counts import whole
 from wsim.scene.methods import every_pin
 from wsim.scene.samples import Points
 
@@ -92,6 +95,48 @@ def _poses(recorder: "Recorder", sim: "Simulation") -> dict:
     given = {path for path, over in recorder.colliders.items() if over.op is not None}
     given |= {path for path, name, *_ in sim.changes if name == "motion"}
     return {c.path: c.motion.at(sim.time) for c in sim.scene.colliders if c.path in given}
+
+
+def restart(sim: "Simulation", frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool) -> None:
+    """Goes on from what a recording has left; see `Simulation.restart`."""
+    frame = whole("frame", frame)
+    sim.plan.methods.restored(fields)
+    misses = _misses(sim, fields)
+    for path in sim.state.paths():
+        values = fields.get(path, {})
+        for name, array, rows in sim.state.of(path):
+            if name in values:
+                now = array.numpy()
+                now[rows] = values[name] if len(values[name]) == len(rows) else stored(sim.model.body(path), values[name])
+                array.assign(now)
+    exact = alike and not misses
+    if alike and fields and misses:
+        path, why = next(iter(misses.items()))
+        sim.warnings.append(f"warning: {path}: {why}: the run goes on from frame {frame} without history, to the order of "
+                            "accuracy, not bit for bit")
+    sim.frame, sim.plan.clock.starting, sim.measured, sim.settled = frame, not exact, False, None
+    for method in sim.plan.methods if exact else ():
+        method.resumed((frame - 1) / sim.scene.fps)
+
+
+def _misses(sim: "Simulation", fields: dict[str, dict[str, np.ndarray]]) -> dict[str, str]:
+    """What of the fields of an earlier run is not as this one has it, by path, in words. Raises SceneError for rows and shapes
+    that no body of this run takes."""
+    found, bodies = {}, [body.path for body in sim.model.bodies]
+    for path in sim.state.paths():
+        values, own = fields.get(path, {}), {name: (array, rows) for name, array, rows in sim.state.of(path)}
+        for name, (array, rows) in own.items():
+            shape = (len(rows), *array.numpy().shape[1:])
+            given = np.shape(values.get(name, np.zeros(shape)))
+            if given[1:] != shape[1:] or (given != shape and path not in bodies) or not given:
+                raise SceneError(Problem(path, f"its restart field {name} has shape {given}; allowed is {shape}; restart with "
+                                         "the scene that the result was made from"))
+            if given != shape:
+                found[path] = f"its restart field {name} has {given[0]} rows, and {len(rows)} are needed"
+        for said, names in (("lack", own.keys() - values.keys()), ("hold more than this run has:", values.keys() - own.keys())):
+            if names:
+                found[path] = f"its restart fields {said} {', '.join(sorted(names))}"
+    return found
 
 
 class Record:

@@ -17,6 +17,7 @@ import warp as wp
 from wsim.model import kernel_cache
 from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
+from wsim.scene.check.counts import whole
 from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
@@ -47,16 +48,14 @@ class Simulation:
             raise SceneError(Problem("precision", f"found {precision!r}; allowed are {', '.join(PRECISIONS)}"))
         if fps is not None and not 0.0 < fps < float("inf"):
             raise SceneError(Problem("fps", f"found {fps}; allowed is a finite number of frames a second above 0"))
-        if worlds < 1:
-            raise SceneError(Problem("worlds", f"found {worlds}; allowed is 1 or more"))
         if not isinstance(scene, Scene):
             from wsim.usd import load
             scene = load(scene)
         problems = check(scene)
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
-        self.given, self.precision, self.worlds, self.gradients, self.fps = scene, precision, worlds, gradients, fps
-        self.device = kernel_cache.device(device)
+        self.given, self.precision, self.worlds = scene, precision, whole("worlds", worlds, 1)
+        self.gradients, self.fps, self.device = gradients, fps, kernel_cache.device(device)
         self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
         self.seconds: dict[str, float] = {}
         self.graphs: dict = {}                 # of frames with contacts (False), without (True), and see `live.prepare`
@@ -138,9 +137,11 @@ class Simulation:
 
     def frames(self, n: int | None = None) -> Iterator[int]:
         """Steps n frames (None: the scene's), and yields the number of each after it: 1, 2, 3 ..."""
-        for _ in range(self.scene.frames if n is None else n):
-            self.step()
-            yield self.frame
+        return map(self._stepped, range(self.scene.frames if n is None else whole("frames", n)))
+
+    def _stepped(self, _) -> int:
+        self.step()
+        return self.frame
 
     def record(self, path, **more):
         """Writes this frame, and every frame from here on, into a USD file over the scene, until the block of a `with` ends, or
@@ -150,8 +151,7 @@ class Simulation:
 
     def run(self, frames: int | None = None, each: Callable | None = None) -> None:
         """Runs so many frames (None: the scene's); `each(simulation)` is called after every one."""
-        for _ in range(self.scene.frames if frames is None else frames):
-            self.step()
+        for _ in self.frames(frames):
             if each:
                 each(self)
 
@@ -262,10 +262,10 @@ class Simulation:
 
     def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool = True) -> None:
         """Goes on after `frame` frames with the fields that an earlier run left, by path and name: bit for bit where every
-        body has all of them (then there is no jump in time), else as at a start, without history. alike: that run stepped
-        as this one does; history of other steps is none."""
-        from wsim.simulation import live
-        live.restart(self, frame, fields, alike)
+        body has all of them and no others, else as at a start, without history, with a warning. alike: that run stepped as
+        this one does. Raises SceneError for fields of another shape."""
+        from wsim.simulation import record
+        record.restart(self, frame, fields, alike)
 
     # measuring
 

@@ -5,6 +5,7 @@
     runs.csv        the table, in the order of runs, written anew beside it and renamed: valid at any time
     runs.parquet    the same, where pyarrow is installed, at the end
     results/        a result layer a run
+    sweep.lock      while a sweep writes there
 
 Columns are those of the draws, then of the runs; CIRCUMSTANCES are the last, and alone differ between two sweeps of one kind.
 Numbers are written so that they read back to the bit.
@@ -21,15 +22,18 @@ from typing import Any
 
 from wsim.scene import Problem, SceneError
 from wsim.usd.result.atomic import replace_text, replacing
+from wsim.usd.result.lock import Lock
 
 Row = dict[str, Any]
 CIRCUMSTANCES = ("result", "seconds", "worker", "worlds", "tries")
 LAST = ("warnings", "seed", "version", "scene_hash", "state", *CIRCUMSTANCES)
+LOCK = "sweep.lock"
 OFTEN = 2.0            # [s] between two writings of the table
 
 
 class Folder:
-    """Folder of a sweep. Raises SceneError where it holds another, or this one and it is not resumed."""
+    """Folder of a sweep, which one process at a time writes. Raises SceneError where it holds another sweep, or this one and it
+    is not resumed; BlockingIOError where a sweep writes there now."""
 
     def __init__(self, path: str, identity: dict, names: list[str], *, resume: bool = False):
         """names: of the draws' targets, in order."""
@@ -39,16 +43,24 @@ class Folder:
             self.path.mkdir(parents=True, exist_ok=True)
         except (FileExistsError, NotADirectoryError):
             raise SceneError(Problem(path, "is a file, or lies in one; give a folder")) from None
+        self.lock = Lock(str(self.path / LOCK), path)
+        try:
+            self._open(path, identity, resume)
+        except BaseException:
+            self.lock.release()
+            raise
+
+    def _open(self, path: str, identity: dict, resume: bool) -> None:
         known = self._known()
         if known is None:
-            if any(self.path.iterdir()):
+            if any(entry.name != LOCK for entry in self.path.iterdir()):
                 raise SceneError(Problem(path, "holds other files and no sweep; give a folder that is empty or not there"))
             replace_text(self.path / "sweep.json", json.dumps(identity, indent=1))
         elif known != identity:
             raise SceneError(Problem(path, f"holds another sweep ({differs(known, identity)}); give another folder"))
         elif not resume and (self.path / "rows.jsonl").exists() and (self.path / "rows.jsonl").stat().st_size:
             raise SceneError(Problem(path, "holds this sweep already; go on with it by --resume, or give another folder"))
-        self._read()
+        self._read(identity["draws"])
         self.journal = open(self.path / "rows.jsonl", "a", encoding="utf-8")           # noqa: SIM115  (closed by `close`)
 
     def _known(self) -> dict | None:
@@ -59,8 +71,9 @@ class Folder:
         except (OSError, ValueError) as error:
             raise SceneError(Problem(str(self.path / "sweep.json"), f"cannot be read ({error}); give another folder")) from None
 
-    def _read(self) -> None:
-        """Rows of an earlier sweep; failures are tried again. The journal is left with whole lines."""
+    def _read(self, draws: list[dict]) -> None:
+        """Rows that an earlier sweep has of these draws, whose results are there; failures are tried again. The journal is left
+        with whole lines."""
         file = self.path / "rows.jsonl"
         if not file.exists():
             return
@@ -68,12 +81,20 @@ class Folder:
         for line in file.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True):
             try:
                 row = json.loads(line)
-                if line.endswith("\n") and isinstance(row["run"], int):
+                if line.endswith("\n") and self._holds(row, draws):
                     good.append(row)
             except (ValueError, KeyError, TypeError):
                 pass
-        self.rows = {row["run"]: row for row in good if row["status"] == "done"}
+        self.rows = {row["run"]: row for row in good}
         replace_text(file, "".join(json.dumps(row) + "\n" for row in self.rows.values()))
+
+    def _holds(self, row: Row, draws: list[dict]) -> bool:
+        """True if a row is of a run of these draws that has ended well, and the result that it names is there."""
+        number = row["run"]
+        if row["status"] != "done" or type(number) is not int or not 0 <= number < len(draws):
+            return False
+        same = all(row.get(name) == value for name, value in draws[number].items())
+        return same and (not row.get("result") or os.path.isfile(self.path / row["result"]))
 
     def add(self, rows: list[Row]) -> None:
         """Rows of runs that have ended: on the disk when this returns."""
@@ -101,11 +122,14 @@ class Folder:
         return [*found, *(name for name in errors if name not in found and name not in LAST), *LAST]
 
     def close(self) -> None:
-        """Writes the table as it is now."""
-        self.journal.close()
-        self.write()
-        if find_spec("pyarrow") is not None:
-            parquet(self.ordered(), self.columns(), self.path / "runs.parquet")
+        """Writes the table as it is now, and lets others write."""
+        try:
+            self.journal.close()
+            self.write()
+            if find_spec("pyarrow") is not None:
+                parquet(self.ordered(), self.columns(), self.path / "runs.parquet")
+        finally:
+            self.lock.release()
 
 
 def text(rows: list[Row], columns: list[str]) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wsim.scene import Plane, Scene, Sphere, Surface, shapes
+from wsim.scene import Plane, Scene, SceneError, Sphere, Surface, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
 from wsim.simulation.simulation import Simulation
@@ -85,3 +85,32 @@ def test_a_restart_that_lacks_a_field_begins_without_history(solver, integrator,
     assert again.plan.clock.starting
     again.restart(1, {})
     assert again.plan.clock.starting
+
+
+def test_fields_that_are_not_those_of_the_run_are_said_or_refused():
+    scene = draped(solver="xpbd", integrator="bdf2", substeps=48)
+    sim = Simulation(scene, **CPU)
+    fields = sim.fields()
+    for given, said in (({k: v for k, v in fields.items() if k != "s"}, "its restart fields lack s"),
+                        ({**fields, "odd": fields["s"]}, "its restart fields hold more than this run has: odd")):
+        before = list(sim.warnings)
+        sim.restart(1, {"/cloth": given})
+        (warning,) = [w for w in sim.warnings if w not in before]
+        assert sim.plan.clock.starting and warning.startswith(f"warning: /cloth: {said}: the run goes on from frame 1 without")
+    sim.restart(1, {"/cloth": fields})
+    assert not sim.plan.clock.starting
+    for wrong in (fields["x"][:, :2], fields["x"].ravel(), np.zeros(())):
+        with pytest.raises(SceneError, match="/cloth: its restart field x has shape .*; allowed is "):
+            sim.restart(1, {"/cloth": {**fields, "x": wrong}})
+
+
+@pytest.mark.parametrize("wrong", [-3, 2.5, True, None, "3", float("nan"), 10**9])
+def test_frames_that_are_no_count_are_refused(wrong):
+    sim = Simulation(draped(), **CPU)
+    with pytest.raises(SceneError, match="frame: found .*; allowed is a whole number, 0 to 1000000"):
+        sim.restart(wrong, {})
+    for ask in (sim.run, sim.frames):
+        if wrong is not None:
+            with pytest.raises(SceneError, match="frames: found .*; allowed is a whole number, 0 to 1000000"):
+                ask(wrong)
+    assert sim.frame == 0 and list(sim.frames(np.int64(0))) == []

@@ -9,3 +9,18 @@ def refuse(what: str, count: int, mend: str) -> None:
 
     if count > MOST:
         raise SceneError(Problem("/", f"{what} is {count}; allowed is up to {MOST}; {mend}"))
+
+
+def whole(what: str, value, least: int = 0) -> int:
+    """A count that a call was given. Raises SceneError for what is none, and beyond MOST."""
+    from operator import index
+
+    from wsim.scene import Problem, SceneError
+
+    try:
+        found = index(value)
+    except TypeError:
+        found = -1
+    if isinstance(value, bool) or not least <= found <= MOST:
+        raise SceneError(Problem(what, f"found {value!r}; allowed is a whole number, {least} to {MOST}"))
+    return found
