@@ -29,7 +29,7 @@ COLLISION_GROUP, FILTERED_PAIRS, FILTERED = "PhysicsCollisionGroup", "PhysicsFil
 PHYSICS_SCENE = "PhysicsScene"
 COLLISION = "PhysicsCollisionAPI"
 MESH_COLLISION = "PhysicsMeshCollisionAPI"
-RIGID_BODY = "PhysicsRigidBodyAPI"
+RIGID_BODY, MASS, FIXED_JOINT = "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsFixedJoint"
 MATERIAL = table.RUB
 BINDING = "MaterialBindingAPI"
 

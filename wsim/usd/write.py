@@ -213,7 +213,8 @@ def _why(error: Exception, target: Path) -> str:
 
 def author_varying(stage: Usd.Stage, scene: Scene, settings: Usd.Prim, units: Units) -> None:
     """Splines and samples of every curve; the prims and their materials are there."""
-    things = {thing.path: thing for thing in (*scene.bodies(), *scene.colliders, *(thing for _, thing in every(scene)))}
+    things = {thing.path: thing for thing in (*scene.bodies(), *scene.colliders, *(thing for _, thing in every(scene)))
+              if not getattr(thing, "shares_path", False)}
     for varying in scene.varying:
         times = varying.curve.times
         if varying.name == "stretch":                          # what is written follows Poisson's ratio too

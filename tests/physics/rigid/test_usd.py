@@ -167,13 +167,6 @@ def test_moments_that_no_solid_has_are_a_warning():
     assert not problem.fatal
 
 
-def test_a_body_within_a_body_is_refused():
-    scene = Scene()
-    scene.add(ball("/b", (0.0, 0.0, 0.0)))
-    scene.add(ball("/b/inner", (0.0, 0.0, 0.0)))
-    assert any(p.path == "/b/inner" and "within the rigid body /b" in p.text for p in check(scene))
-
-
 def test_gradients_are_refused_by_path():
     scene = Scene()
     scene.add(ball("/b", (0.0, 0.0, 0.0)))

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate
+from wsim.geometry.winding import wound_alike
 from wsim.scene import Collider, Problem, SceneError, Surface
 from wsim.scene.check.signed_distance import closed
 
@@ -56,7 +57,7 @@ class Mesh:
                                      f"{points.shape} at rest; they must be equal in shape and finite"))
         if len(surface.indices) and not (surface.indices.min() >= 0 and surface.indices.max() < len(points)):
             raise SceneError(Problem(collider.path, f"a face names a point outside of 0 to {len(points) - 1}"))
-        triangles, _ = triangulate(surface.points, surface.counts, surface.indices)
+        triangles = wound_alike(points, triangulate(surface.points, surface.counts, surface.indices)[0])
         whole = closed(points, triangles)
         enclosed = volume(points, triangles) if whole else 0.0
         if enclosed < 0.0:

@@ -1,6 +1,5 @@
 """What can be wrong with a rigid body; of joints see wsim/physics/rigid/joints/check.py. NumPy only."""
 
-from collections import Counter
 from collections.abc import Iterator
 from math import inf
 
@@ -45,7 +44,6 @@ def _body(body: Body, scene: Scene) -> Iterator[Problem]:
         yield error(path, "its motion has several keys", "one, where it starts",
                     "take the keys away, or author physics:kinematicEnabled, where it is animated")
     if body is scene.things("Body")[0]:
-        yield from _nested([other.path for other in scene.things("Body")])
         yield from _support(body, scene)
     yield from _beside(body, scene)
     yield from _attached(body, scene)
@@ -56,17 +54,6 @@ def _body(body: Body, scene: Scene) -> Iterator[Problem]:
     if not any(p.fatal for p in wrong) and all(v is None or 0.0 < v < inf for v in (body.mass, body.density)):
         yield from _size(body)
         yield from _mass(body)
-
-
-def _nested(paths: list[str]) -> Iterator[Problem]:
-    """Bodies within bodies, and a path that two have."""
-    counts = Counter(paths)
-    for path in paths:
-        parts = path.split("/")
-        above = ["/".join(parts[:k]) for k in range(2, len(parts))]
-        for outer in [path] * (counts[path] > 1) + [p for p in above if p in counts]:
-            yield error(path, f"is a rigid body within the rigid body {outer}", "bodies apart in the stage",
-                        "move it out of that prim, or take its PhysicsRigidBodyAPI away so that its colliders belong to it")
 
 
 def _attached(body: Body, scene: Scene) -> Iterator[Problem]:

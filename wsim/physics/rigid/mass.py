@@ -7,19 +7,24 @@ Solids of revolution about z, of height 2 h and radius r:
     cone      V = 2/3 pi r^2 h        I_z = 3/10 m r^2       I_x = m (3/20 r^2 + 3/80 (2 h)^2), the centre h/2 below the middle
     capsule   a cylinder and two half balls, whose centres are 3/8 r beyond its ends
 
-A closed mesh is a sum of signed tetrahedra from one point to its triangles: of one with corners 0, a, b, c, V = a . (b x c) / 6
-and the centre (a + b + c) / 4; the integral of x x^T is V / 20 (s s^T + a a^T + b b^T + c c^T), s = a + b + c (Tonon 2004,
-section 3). Inertia is tr(C) - C of the integral C about the centre.
+A closed mesh, with corners in one place as one and faces wound alike, is a sum of signed tetrahedra from one point to its
+triangles: of one with corners 0, a, b, c, V = a . (b x c) / 6 and the centre (a + b + c) / 4; the integral of x x^T is
+V / 20 (s s^T + a a^T + b b^T + c c^T), s = a + b + c (Tonon 2004, section 3). Inertia is tr(C) - C of the integral C about the
+centre.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from wsim.geometry.convex_hull import DegenerateHull, convex_hull
+from wsim.geometry.memo import latest
 from wsim.geometry.rotation import conjugate, matrix, multiply, normalized, quaternion
 from wsim.geometry.triangulate import triangulate
+from wsim.geometry.winding import wound_alike
 from wsim.physics.rigid.objects import Body
-from wsim.scene import Shape, Surface
+from wsim.scene import Collider, Shape, Surface
+from wsim.scene.check.signed_distance import closed
 from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere
 
 
@@ -36,6 +41,10 @@ class Volume:
         R = M[:3, :3]
         return Volume(self.volume, R @ self.center + M[:3, 3], R @ self.inertia @ R.T)
 
+    def shifted(self, x) -> "Volume":
+        """The volume with its frame's origin at x (3,) [m]."""
+        return Volume(self.volume, self.center + np.asarray(x), self.inertia)
+
 
 @dataclass(frozen=True)
 class Inertia:
@@ -47,6 +56,7 @@ class Inertia:
     axes: np.ndarray
 
 
+APPROXIMATED = ("convexHull", "boundingCube", "boundingSphere")
 NOTHING = Volume(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
@@ -62,6 +72,38 @@ def volume(shape: Shape) -> Volume:
         return Volume(V, np.zeros(3), np.diag(V / 3.0 * ((a * a).sum() - a * a)))
     V, z, across, along = _round(shape)
     return Volume(V, np.array([0.0, 0.0, z]), np.diag([across, across, along]))
+
+
+def collider_volume(collider: Collider) -> Volume:
+    """Volume of a body's collider in the body's frame: of a mesh, what its approximation makes of it where that is a hull, a
+    box or a ball, else what it encloses."""
+    shape = collider.shape
+    if isinstance(shape, Surface) and collider.approximation in APPROXIMATED and len(shape.points):
+        solid, center = approximated(shape, collider.approximation)
+        return NOTHING if solid is None else volume(solid).shifted(center).moved(collider.motion.at(0.0))
+    return volume(shape).moved(collider.motion.at(0.0))
+
+
+def approximated(shape: Surface, name: str) -> tuple[Shape | None, np.ndarray]:
+    """What an approximation (`APPROXIMATED`) makes of a mesh, and where its middle is (3,) [m]; None: it has no volume."""
+    points = shape.points.astype(np.float64)
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    if name == "boundingSphere":
+        ball = Sphere(float(np.linalg.norm(points - middle, axis=1).max()))
+        return ball if half.max() > 0.0 else None, middle
+    if name == "boundingCube":
+        return Box(tuple(half.tolist())) if half.min() > 0.0 else None, middle
+    return _whole_hull(points), np.zeros(3)
+
+
+@latest
+def _whole_hull(points: np.ndarray) -> Surface | None:
+    try:
+        found = convex_hull(points)
+    except DegenerateHull:
+        return None
+    return Surface(found.vertices, np.array([len(loop) for loop in found.loops]), np.concatenate(found.loops))
 
 
 def _round(shape: Sphere | Cylinder | Cone | Capsule) -> tuple[float, float, float, float]:
@@ -86,9 +128,8 @@ def _round(shape: Sphere | Cylinder | Cone | Capsule) -> tuple[float, float, flo
 def _mesh(shape: Surface) -> Volume:
     """A mesh wound inward counts as the solid inside it."""
     points = np.asarray(shape.points, np.float64)
-    triangles, _ = triangulate(shape.points, shape.counts, shape.indices)
-    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    if len(triangles) == 0 or np.any(np.unique(edges, axis=0, return_counts=True)[1] != 2):
+    triangles = wound_alike(points, triangulate(shape.points, shape.counts, shape.indices)[0])
+    if not closed(points, triangles):
         return NOTHING
     middle = points.mean(axis=0)
     a, b, c = np.moveaxis(points[triangles] - middle, 1, 0)
@@ -154,7 +195,7 @@ def weighed(body: Body, now: Inertia, name: str, value) -> Inertia:
 def inertia(body: Body) -> Inertia:
     """Inertia of a body: what is given, else of its colliders; a given mass scales the inertia of the colliders, and a given
     centre moves it."""
-    whole = joined([volume(c.shape).moved(c.motion.at(0.0)) for c in body.colliders])
+    whole = joined([collider_volume(c) for c in body.colliders])
     mass = body.density * whole.volume if body.mass is None else body.mass
     center = whole.center if body.center is None else body.center
     if body.inertia is not None:

@@ -15,10 +15,11 @@ import numpy as np
 from wsim.geometry.convex_hull import ConvexHull, DegenerateHull, convex_hull
 from wsim.geometry.memo import latest
 from wsim.geometry.triangulate import triangulate
-from wsim.physics.rigid.mass import volume
+from wsim.geometry.winding import wound_alike
+from wsim.physics.rigid.mass import approximated, volume
 from wsim.scene import Collider, Surface
 from wsim.scene.methods import dressed
-from wsim.scene.solids import Box, Capsule, Plane, Shape, Sphere, row
+from wsim.scene.solids import Capsule, Plane, Shape, Sphere, row
 
 MOST = 128                 # vertices of a hull: more are left out, those that stand out least
 CONVEX = 0.01              # part of a hull's volume that a mesh may lack and count as convex
@@ -87,20 +88,8 @@ def filled(shape: Surface) -> float:
     return own / volume(Surface(found.vertices, counts, np.concatenate(found.loops))).volume
 
 
-def _bounding(shape: Surface, ball: bool) -> Met | None:
-    low, high = shape.points.min(axis=0).astype(np.float64), shape.points.max(axis=0).astype(np.float64)
-    middle = 0.5 * (low + high)
-    half = 0.5 * (high - low)
-    if not half.min() > 0.0 and not (ball and half.max() > 0.0):
-        return None
-    found: Shape = Box(tuple(half.tolist()))
-    if ball:
-        found = Sphere(float(np.linalg.norm(shape.points - middle, axis=1).max()))
-    return Met(row(found).kind, found, center=tuple(middle.tolist()))
-
-
 def _triangles(shape: Surface) -> Met | None:
-    triangles, _ = triangulate(shape.points, shape.counts, shape.indices)
+    triangles = wound_alike(shape.points, triangulate(shape.points, shape.counts, shape.indices)[0])
     if len(triangles) == 0:
         return None
     used = shape.points[np.unique(triangles)].astype(np.float64)
@@ -118,7 +107,8 @@ def as_met(collider: Collider, of_body: bool) -> Met | None:
     if shape.poses is not None or len(shape.points) == 0:
         return None
     if collider.approximation in ("boundingCube", "boundingSphere"):
-        return _bounding(shape, collider.approximation == "boundingSphere")
+        solid, middle = approximated(shape, collider.approximation)
+        return None if solid is None else Met(row(solid).kind, solid, center=tuple(middle.tolist()))
     if of_body or collider.approximation in HULLS or filled(shape) >= 1.0 - CONVEX:
         found = hull(shape)
         if found is not None or of_body:

@@ -146,7 +146,7 @@ def _paths(scene: Scene) -> Iterator[Problem]:
     skins = [skin for soft in scene.softs for skin in soft.skins]
     named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties, *scene.loads,
                    *(thing for _, thing in every(scene))]
-    for path, n in Counter(thing.path for thing in named).items():
+    for path, n in Counter(thing.path for thing in named if not getattr(thing, "shares_path", False)).items():
         if n > 1:
             yield error(path, f"{n} objects have this path", "one", "give each its own")
         if not path.startswith("/") or path == "/":

@@ -12,7 +12,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, all_locked
-from wsim.physics.rigid.joints.moving import body_of
+from wsim.physics.rigid.joints.moving import body_of, holds_a_frame
 from wsim.scene.curve import Motion
 from wsim.usd.load_varying import vary
 from wsim.usd.stage import Reading, Units, applied
@@ -21,6 +21,7 @@ from wsim.usd.transforms import author_motion, placement, split
 DEGREE = pi / 180.0
 ENDLESS = 3e38              # largest floats stand for none
 ANCHOR = "anchor"
+UNIT = 1e-3                 # departure of |q| from 1 that is no mistake of the author
 KINDS = {"PhysicsRevoluteJoint": ("rotX", "angular"), "PhysicsPrismaticJoint": ("transX", "linear")}
 
 
@@ -34,6 +35,8 @@ def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
                      "on the instance")
         return None
     bodies = [None if t is None else body_of(reading, t) for t in targets]
+    if holds_a_frame(reading, prim) and (bodies[0] == bodies[1]):
+        return None
     if bodies == [None, None]:
         if targets == [None, None]:
             reading.fail(path, "joins no body; author physics:body0 or physics:body1")
@@ -82,9 +85,13 @@ def _side(reading: Reading, api: UsdPhysics.Joint, k: int, target, body) -> dict
     at = np.array(pos.Get(reading.start), np.float64) * reading.units.metres
     q = rot.Get(reading.start)
     q = np.array([*q.GetImaginary(), q.GetReal()], np.float64)
-    if not abs(np.linalg.norm(q) - 1.0) < 1e-3:
-        reading.fail(rot.GetPath(), f"is a quaternion of length {np.linalg.norm(q):g}; author one of length 1")
+    length = float(np.linalg.norm(q))
+    if not 0.0 < length < inf:
+        reading.fail(rot.GetPath(), f"is a quaternion of length {length:g}; author one of length 1")
         return {"at": None}
+    if abs(length - 1.0) > UNIT:
+        reading.warn(rot.GetPath(), f"is a quaternion of length {length:g} and taken as {_said(q / length)}; author one of "
+                     "length 1")
     q = rotation.normalized(q)
     if target is None:
         return {f"at{k}": at, f"turn{k}": q}
@@ -105,6 +112,11 @@ def _side(reading: Reading, api: UsdPhysics.Joint, k: int, target, body) -> dict
     F = np.linalg.inv(M) @ frames[0]
     q = rotation.multiply(rotation.quaternion(F[:3, :3]), q) if target != body else q
     return {f"body{k}": str(body.GetPath()), f"at{k}": F[:3, :3] @ at + F[:3, 3] if target != body else at, f"turn{k}": q}
+
+
+def _said(q: np.ndarray) -> str:
+    """A quaternion (x, y, z, w) as USD writes it."""
+    return "(" + ", ".join(f"{v:.4g}" for v in (q[3], *q[:3])) + ")"
 
 
 def _unit(units: Units, name: str) -> float:

@@ -19,9 +19,11 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Colour, Instances, Joints, Particles, Points, Quantity, Sample, Transform, Volume
+from wsim.usd import names
 from wsim.usd.result.kinds.beside import Beside
 from wsim.usd.result.kinds.instances import placed
-from wsim.usd.result.samples import Frame, particles_of
+from wsim.usd.result.samples import Frame, moves, particles_of
+from wsim.usd.stage import applied
 
 OP = "xformOp:transform"
 Written = list[tuple[Usd.Attribute, Any]]           # (attribute, value), not yet set
@@ -88,18 +90,29 @@ def _particles(prim: Usd.Prim, sample: Particles, code: float, beside: Beside) -
 
 
 def _transform(prim: Usd.Prim, sample: Transform, code: float, beside: Beside) -> Written:
-    """The transform op of a prim whose world matrix [m] that is. What is above it must stand still."""
+    """The transform op of a prim whose world matrix [m] that is. Below what moves, such as another body, its stack is reset:
+    between samples, USD would turn its place about that of the body above."""
     xformable = UsdGeom.Xformable(prim)
     if not xformable:
         raise SceneError(Problem(str(prim.GetPath()), "moves and is not Xformable; author it as an Xform or a shape"))
+    first = not prim.GetStage().GetEditTarget().GetLayer().GetAttributeAtPath(prim.GetPath().AppendProperty(OP))
+    reset = first and (xformable.GetResetXformStack() or _carried(prim.GetParent()))
     ops = xformable.GetOrderedXformOps()
     op = ops[0] if len(ops) == 1 and ops[0].GetOpName() == OP else xformable.MakeMatrixXform()
+    if reset:
+        xformable.SetXformOpOrder([op], True)
     scale = UsdGeom.GetStageMetersPerUnit(prim.GetStage())
     above = np.array(xformable.ComputeParentToWorldTransform(Usd.TimeCode.Default())).T
     M = np.array(sample.matrix, np.float64)
     M[:3, 3] /= scale
     local = np.linalg.solve(np.eye(4) if xformable.GetResetXformStack() else above, M)
     return [(op.GetAttr(), Gf.Matrix4d(*local.T.ravel().tolist()))]
+
+
+def _carried(prim: Usd.Prim) -> bool:
+    """True if a prim may move: its transform varies in time, or it is a rigid body or lies below one."""
+    return moves(prim) or any(names.RIGID_BODY in applied(prim.GetStage().GetPrimAtPath(path))
+                              for path in prim.GetPath().GetPrefixes())
 
 
 def _value(prim: Usd.Prim, sample: Quantity, code: float, beside: Beside) -> Written:

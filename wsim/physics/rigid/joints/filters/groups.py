@@ -9,6 +9,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,6 +43,8 @@ class Parted(Compared):
     path       its prim path
     others     prim paths of bodies, colliders or groups
     """
+
+    shares_path: ClassVar = True            # it is said on the prim of another object
 
     path: str
     others: list[str] = field(default_factory=list)

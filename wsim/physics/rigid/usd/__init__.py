@@ -1,8 +1,6 @@
 """Prims with PhysicsRigidBodyAPI <-> `Body`; the colliders on and below them are theirs.
 
-Masses are those of usd-core (`UsdPhysics.RigidBodyAPI.ComputeMassProperties`, which knows the precedence of mass and density
-of bodies, colliders and materials), from the volumes of wsim/physics/rigid/mass.py. A kinematic or disabled body is none here:
-its colliders move as animated and push.
+A kinematic or disabled body is none here: its colliders move as animated and push.
 """
 
 from typing import Any
@@ -12,8 +10,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from wsim.physics.rigid.joints.joint import Joint
 from wsim.physics.rigid.joints.moving import simulated
-from wsim.physics.rigid.mass import Volume, volume
 from wsim.physics.rigid.objects import Body
+from wsim.physics.rigid.usd.mass import mass_properties
 from wsim.scene import Collider
 from wsim.scene.curve import Motion
 from wsim.usd import names
@@ -91,7 +89,7 @@ def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
     asleep = bool(UsdPhysics.RigidBodyAPI(prim).GetStartsAsleepAttr().Get(reading.start))
     stretch = None if np.array_equal(S, np.eye(3)) else S
     return Body(path, colliders, Motion.still(M), velocity, spin, asleep=asleep, stretch=stretch,
-                **_mass(reading, prim, colliders), **own)
+                **mass_properties(reading, prim, colliders), **own)
 
 
 def _turned(reading: Reading, prim: Usd.Prim) -> None:
@@ -127,60 +125,6 @@ def _above(prim: Usd.Prim, time) -> np.ndarray:
     return split(np.array(UsdGeom.XformCache(time).GetParentToWorldTransform(prim)).T[:3, :3])[0]
 
 
-def _mass(reading: Reading, prim: Usd.Prim, colliders: list[Collider]) -> dict:
-    """mass, center, inertia and axes of usd-core, in SI units."""
-    units, by_path = reading.units, {c.path: c for c in colliders}
-
-    def information(each: Usd.Prim, *_):
-        found = UsdPhysics.RigidBodyAPI.MassInformation()
-        own = by_path.get(str(each.GetPath()))
-        V = Volume(0.0, np.zeros(3), np.zeros((3, 3))) if own is None else volume(own.shape).moved(own.motion.at(0.0))
-        found.volume = V.volume / units.metres**3
-        found.inertia = Gf.Matrix3f(*(V.inertia / units.metres**5).ravel().tolist())
-        found.centerOfMass = Gf.Vec3f(*(V.center / units.metres).tolist())
-        found.localPos, found.localRot = Gf.Vec3f(0.0), Gf.Quatf(1.0)
-        return found
-
-    if not _sound(reading, [prim, *(reading.stage.GetPrimAtPath(c.path) for c in colliders)]):
-        return {}
-    given = UsdPhysics.MassAPI(prim)
-    inertia = given.GetDiagonalInertiaAttr().Get(reading.start) if given else None
-    if not any(volume(c.shape).volume for c in colliders) and not (inertia and any(inertia)):
-        mass = given.GetMassAttr().Get(reading.start) if given else None       # nothing that an inertia could follow from
-        return {"mass": float(mass) * units.kilograms} if mass else {}
-    mass, diagonal, center, axes = UsdPhysics.RigidBodyAPI(prim).ComputeMassProperties(information)
-    if not np.isfinite([mass, *diagonal]).all() and not (inertia and any(inertia)):
-        reading.fail(prim.GetPath(), f"its mass is {mass:g} and its inertia {tuple(diagonal)}, in units of the stage, which "
-                     "USD computes in float32; allowed: finite numbers; mend: author metersPerUnit and sizes that go with it")
-        return {}
-    q = np.array([*axes.GetImaginary(), axes.GetReal()], np.float64)
-    return {"mass": float(mass) * units.kilograms, "center": np.array(center, np.float64) * units.metres,
-            "inertia": np.array(diagonal, np.float64) * units.kilograms * units.metres**2, "axes": q}
-
-
-def _sound(reading: Reading, prims: list[Usd.Prim]) -> bool:
-    """Whether masses, densities and centres are authored as numbers that USD takes: it passes over others without a word."""
-    found = True
-    for prim in dict.fromkeys(prims):
-        for name in ("mass", "density"):
-            attribute = prim.GetAttribute(f"physics:{name}")
-            value = attribute.Get(reading.start) if attribute and attribute.HasAuthoredValue() else None
-            if value is not None and not 0.0 <= value < np.inf:
-                reading.fail(prim.GetPath(), f"physics:{name} is {value:g}; allowed: a finite number > 0, or 0 for none; mend: "
-                             f"author another {name}" + ("; to hold a body still, make it kinematic" if name == "mass" else ""))
-                found = False
-            elif value == 0.0 and name == "mass":
-                reading.warn(prim.GetPath(), "physics:mass is 0, which USD takes as none: densities decide; mend: author a "
-                             "mass > 0, or physics:kinematicEnabled to hold a body still")
-        center = prim.GetAttribute("physics:centerOfMass")
-        place = np.array(center.Get(reading.start), np.float64) if center and center.HasAuthoredValue() else np.zeros(3)
-        if not np.isfinite(place).all() and not np.isneginf(place).all():             # -inf: none
-            reading.fail(prim.GetPath(), f"physics:centerOfMass is {tuple(place.tolist())}; allowed: finite numbers; mend: "
-                         "author another, or take it away")
-            found = False
-    return found
-
-
 def author(stage: Usd.Stage, thing: Any, units: Units) -> None:
     if isinstance(thing, Body):
         _author_body(stage, thing, units)
@@ -193,13 +137,24 @@ def author(stage: Usd.Stage, thing: Any, units: Units) -> None:
     filters(stage, thing, units)
 
 
+def _placed_apart(prim: Usd.Prim) -> None:
+    """What is below the prim of a body and placed in the world stays where it is: bodies within bodies move by themselves."""
+    below = iter(Usd.PrimRange(prim))
+    for each in below:
+        if each != prim and UsdGeom.Xformable(each) and UsdGeom.Xformable(each).GetOrderedXformOps():
+            UsdGeom.Xformable(each).SetResetXformStack(True)
+            below.PruneChildren()
+
+
 def _author_body(stage: Usd.Stage, body: Body, units: Units) -> None:
     prim = UsdGeom.Xform.Define(stage, body.path).GetPrim()
+    _placed_apart(prim)
     surfaces: dict[tuple, str] = {}
-    for collider in body.colliders:                     # before the body has a transform: theirs is within it
+    for collider in body.colliders:                     # their transforms are within the body's
         material = surfaces.setdefault(surface(collider), f"{body.path}/Materials/surface{len(surfaces)}")
         path = collider.path if collider.path != body.path else f"{body.path}/{LEAF}"
         author_collider(stage, Collider(**{**vars(collider), "path": path}), material, units, 0)
+        UsdGeom.Xformable(stage.GetPrimAtPath(path)).SetResetXformStack(False)
         if not collider.meets:
             UsdPhysics.CollisionAPI(stage.GetPrimAtPath(path)).CreateCollisionEnabledAttr(False)
     author_motion(prim, body.motion, units, 0)
