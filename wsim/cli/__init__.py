@@ -246,7 +246,7 @@ def explain(error: BaseException) -> str:
     from wsim.scene import SceneError
 
     if isinstance(error, SceneError):
-        return str(error)
+        return "\n".join(map(str, error.problems))
     text = " ".join(str(error).split())
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
         return f"error: the disk is full ({error.filename or text}); free space or write elsewhere with -o"

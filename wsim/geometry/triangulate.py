@@ -93,18 +93,21 @@ def _cut(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return cut, good
 
 
-def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def triangulate(points: np.ndarray, counts: np.ndarray, indices: np.ndarray, slivers: bool = False
+                ) -> tuple[np.ndarray, np.ndarray]:
     """Triangles (t, 3) int32 in the order and winding of the polygons, and the polygon of each, (t,) int32.
 
     Polygons of fewer than three corners and triangles without area (see FLAT) are left out: a polygon that does not
-    occur in the second array was degenerate. Raises ValueError if an index or the number of indices is wrong.
+    occur in the second array was degenerate. slivers: triangles without area stay, which close a surface. Raises
+    ValueError if an index or the number of indices is wrong.
     """
     return _triangulated(np.asarray(points, np.float64).reshape(-1, 3), np.asarray(counts, np.int64).ravel(),
-                         np.asarray(indices, np.int64).ravel())
+                         np.asarray(indices, np.int64).ravel(), slivers)
 
 
 @latest
-def _triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray, slivers: bool
+                  ) -> tuple[np.ndarray, np.ndarray]:
     """`triangulate`, with the same mesh in the same types, so that it is cut once."""
     wrong = index_fault(len(points), counts, indices)
     if wrong:
@@ -120,7 +123,7 @@ def _triangulated(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -
         sound.append(np.repeat(good, n - 2))
     all_triangles, polygon, keep = np.concatenate(triangles), np.concatenate(polygons), np.concatenate(sound)
     doubtful = np.flatnonzero(~keep)
-    keep[doubtful] = ~flat(points, all_triangles[doubtful])
+    keep[doubtful] = slivers or ~flat(points, all_triangles[doubtful])
     order = np.argsort(polygon, kind="stable") if len(triangles) > 2 else np.arange(len(polygon))
     order = order[keep[order]]
     return all_triangles[order].astype(np.int32), polygon[order].astype(np.int32)

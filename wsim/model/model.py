@@ -15,7 +15,7 @@ from wsim.geometry.sheet_ordering import order_of_points
 from wsim.geometry.triangulate import triangulate
 from wsim.model.launches import Launches
 from wsim.model.midnodes import held, links, spread, with_middles
-from wsim.scene import Cloth, Scene, Soft, Springs
+from wsim.scene import Cloth, Problem, Scene, SceneError, Soft, Springs
 from wsim.scene.nodal.masses import cloth_masses, loose, soft_masses, soft_weights
 
 
@@ -108,11 +108,11 @@ class Model(Launches):
         return np.float32 if self.real.__name__ == "float32" else np.float64
 
     def body(self, path: str | None, world: int = 0) -> Body:
-        """The body of that path (None: the only one). Raises KeyError that lists the paths there are."""
+        """The body of that path (None: the only one). Raises SceneError that lists the paths there are."""
         found = [b for b in self.bodies if b.world == world and path in (None, b.path)]
         if len(found) != 1:
             there = f"{sorted({b.path for b in self.bodies})} in worlds 0 to {self.worlds - 1}"
-            raise KeyError(f"path={path!r}, world={world} names {len(found)} bodies; there are {there}")
+            raise SceneError(Problem(path or "path", f"world {world} has {len(found)} bodies of that path; there are {there}"))
         return found[0]
 
     def rows(self, path: str, world: int | None = None) -> list[int]:

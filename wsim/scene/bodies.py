@@ -1,6 +1,7 @@
 """Bodies of a scene: what has points that move. Plain data in SI units, NumPy only; see `wsim.scene`."""
 
 from dataclasses import dataclass, field, fields, replace
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -39,7 +40,16 @@ class Unnamed(int):
 
 
 class Compared:
-    """Dataclasses with arrays, equal when every field is: doubles and what a file holds of them, float32, are."""
+    """Dataclasses with arrays, equal when every field is: doubles and what a file holds of them, float32, are. Setting a name
+    that is no field raises AttributeError."""
+
+    def __setattr__(self, name: str, value) -> None:
+        if not (name.startswith("_") or hasattr(type(self), name) or name in vars(type(self))["__dataclass_fields__"]):
+            known = [*vars(type(self))["__dataclass_fields__"]]
+            close = get_close_matches(name, known, 1)
+            raise AttributeError(f"{type(self).__name__} has no {name}; "
+                                 + (f"did you mean {close[0]}?" if close else f"it has {', '.join(known)}"))
+        object.__setattr__(self, name, value)
 
     def __eq__(self, other):
         return type(self) is type(other) and all(

@@ -297,4 +297,4 @@ class SceneError(Exception):
 
     def __init__(self, problems):
         self.problems = [problems] if isinstance(problems, Problem) else list(problems)
-        super().__init__("\n".join(str(p) for p in self.problems))
+        super().__init__("\n".join(f"{p.path}: {p.text}" for p in self.problems))

@@ -116,17 +116,19 @@ def _settled(sim: Simulation, name: str, undo: Callable[[], None], *what) -> Non
 
 def _unknown(sim: Simulation, thing, path: str, name: str, world: int | None) -> SceneError:
     """What there is, by the table of values; of what no method takes, why."""
-    there = "" if thing is not None else f"; paths there are {', '.join(['/', *(t.path for t in things(sim.scene))])}"
+    if thing is None:
+        there = ", ".join(["/", *(t.path for t in things(sim.scene))])
+        return SceneError(Problem(path, f"is no object of this scene; there are {there}"))
     where = "" if world is None else f" in world {world} of {sim.worlds}"
-    owner = "" if thing is None else type(thing).__name__
+    owner = type(thing).__name__
     row, why = table.find(owner, name), ""
     if row is not None and row.live:
         from wsim.scene.check.varying import idle
         why = f": {idle(row, thing, sim.scene) or 'nothing that runs here has it'}"
-    elif others := [r.owner.lower() for r in table.VALUES if thing is not None and r.live and r.name == name]:
+    elif others := [r.owner.lower() for r in table.VALUES if r.live and r.name == name]:
         why = f", which is of {', '.join(others)}"
     names = ", ".join(n for n in table.live(owner) if n != name or not why) or "none"
-    return SceneError(Problem(path, f"has no live parameter {name!r}{where}{why}; there are {names}{there}"))
+    return SceneError(Problem(path, f"has no live parameter {name!r}{where}{why}; there are {names}"))
 
 
 def _floats(path: str, name: str, value) -> np.ndarray:

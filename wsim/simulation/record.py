@@ -34,7 +34,7 @@ def settings(sim: "Simulation", samples: int = 1) -> dict:
 
 def points(sim: "Simulation", path: str | None, world: int, device: bool = False) -> Points | None:
     """Points by that path, None: the only ones, that are no body's, such as rods'; None: a body's are meant. device: they are
-    asked for there, where bodies' are alone. Raises KeyError that lists the paths there are."""
+    asked for there, where bodies' are alone. Raises SceneError that lists the paths there are."""
     bodies = [b.path for b in sim.model.bodies if b.world == world]
     if path in bodies or (path is None and len(bodies) == 1):
         return None
@@ -42,8 +42,9 @@ def points(sim: "Simulation", path: str | None, world: int, device: bool = False
     found = [s for s in rest if path in (None, s.path)] if 0 <= world < sim.worlds else []
     if len(found) != 1 or (path is None and bodies):
         there = sorted({b.path for b in sim.model.bodies} | {s.path for s in rest})
-        raise KeyError(f"path={path!r}, world={world} names {len(found) + len(bodies) * (path is None)} prims with points"
-                       f"{' on the device' * device}; there are {there} in worlds 0 to {sim.worlds - 1}")
+        count = len(found) + len(bodies) * (path is None)
+        raise SceneError(Problem(path or "path", f"world {world} has {count} prims with points{' on the device' * device} of "
+                                 f"that path; there are {there} in worlds 0 to {sim.worlds - 1}"))
     return found[0]
 
 
@@ -66,6 +67,19 @@ def velocities(sim: "Simulation", path: str | None, world: int, device: bool):
         return found.velocities
     body = sim.model.body(path, world)
     return (sim.state.v, body.index) if device else sim.state.v.numpy().astype(np.float64)[body.index]
+
+
+def poses(sim: "Simulation", path: str | None, world: int) -> dict[str, np.ndarray]:
+    """Local-to-world transforms (4, 4) [m] by path, as `Simulation.poses` has them."""
+    found = {c.path: c.motion.at(sim.time) for c in sim.scene.colliders if path in (None, c.path)}
+    if (rigid := sim.plan.find("bodies")) is not None:
+        found |= {body.path: M for (body, of), M in zip(rigid.bodies, rigid.poses(), strict=True)
+                  if of == world and path in (None, body.path)}
+    if path is not None and path not in found or not 0 <= world < sim.worlds:
+        there = sorted({c.path for c in sim.scene.colliders} | {b.path for b in sim.scene.things("Body")})
+        raise SceneError(Problem(path or "world", f"world {world} has no rigid body and no collider of that path; there are "
+                                 f"{there} in worlds 0 to {sim.worlds - 1}"))
+    return found
 
 
 def append(recorder: "Recorder", sim: "Simulation", code: float, stress: bool = False, reactions: bool = False,

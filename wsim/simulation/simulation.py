@@ -224,9 +224,10 @@ class Simulation:
         from wsim.simulation import record
         return record.velocities(self, path, world, device)
 
-    def poses(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """Local-to-world transforms (4, 4), lengths [m], of the colliders at the current time, by path."""
-        return {c.path: c.motion.at(self.time) for c in self.scene.colliders if path in (None, c.path)}
+    def poses(self, path: str | None = None, world: int = 0) -> dict[str, np.ndarray]:
+        """Local-to-world transforms (4, 4) [m] of rigid bodies and colliders now, by path (None: of all)."""
+        from wsim.simulation import record
+        return record.poses(self, path, world)
 
     def samples(self, world: int = 0) -> list:
         """Samples that methods hand to a result besides points, now (`wsim.scene.samples`)."""
@@ -252,12 +253,11 @@ class Simulation:
             live.set_value(self, path, name, value, world)
 
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """Fields of a body that an exact restart needs, by name, each in the author's order; of points, behind them those
-        between (quadratic tets)."""
+        """Fields of a body for an exact restart, by name, in the author's order; middles of edges come behind points."""
         path = self.model.body(None).path if path is None else path
         found = {name: array.numpy()[rows] for name, array, rows in self.state.of(path)}
         if not found:
-            raise KeyError(f"{path!r} has no fields; there are {self.state.paths()}")
+            raise SceneError(Problem(path, f"has no fields; there are {self.state.paths()}"))
         return found
 
     def restart(self, frame: int, fields: dict[str, dict[str, np.ndarray]], alike: bool = True) -> None:

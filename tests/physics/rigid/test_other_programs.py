@@ -130,9 +130,7 @@ def Cube "B" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsCollisionAPI"
         assert np.abs(sim.plan.method("rigid").poses()[:, 0, 3] - (0.0, 0.1)).max() < 1e-6
 
 
-def test_bodies_without_mass_that_fixed_joints_hold_are_frames(tmp_path):
-    """An anchor stands still; a flange belongs to the arm that it lies in, and a joint of the tool holds on to that arm."""
-    text = """#usda 1.0
+FRAMES = """#usda 1.0
 ( metersPerUnit = 1; upAxis = "Z"; timeCodesPerSecond = 24; startTimeCode = 0; endTimeCode = 5 )
 def PhysicsScene "scene" {}
 def Xform "anchor" (prepend apiSchemas = ["PhysicsRigidBodyAPI"]) {}
@@ -172,7 +170,11 @@ def PhysicsRevoluteJoint "wrist"
     point3f physics:localPos1 = (-1.5, 0, 0)
 }
 """
-    scene = written(tmp_path / "a.usda", text)
+
+
+def test_bodies_without_mass_that_fixed_joints_hold_are_frames(tmp_path):
+    """An anchor stands still; a flange belongs to the arm that it lies in, and a joint of the tool holds on to that arm."""
+    scene = written(tmp_path / "a.usda", FRAMES)
     assert [body.path for body in scene.things("Body")] == ["/arm", "/tool"]
     joints = {joint.path: joint for joint in scene.things("Joint")}
     assert set(joints) == {"/shoulder", "/wrist"}
@@ -315,3 +317,16 @@ def test_a_joint_frame_is_made_a_unit_and_said(tmp_path):
     scene = load(stage)
     assert any("length 1.04403" in note.text and "/joint" in note.path for note in scene.notes)
     assert abs(np.linalg.norm(scene.things("Joint")[0].turn1) - 1.0) < 1e-12
+
+
+def test_limits_whose_schema_is_not_applied_are_said(tmp_path):
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdPhysics.RigidBodyAPI.Apply(cube(stage, "/b", 1.0))
+    joint = UsdPhysics.Joint.Define(stage, "/joint")
+    joint.CreateBody1Rel().SetTargets([Sdf.Path("/b")])
+    UsdPhysics.LimitAPI.Apply(joint.GetPrim(), "transX").CreateLowAttr(0.0)
+    joint.GetPrim().CreateAttribute("limit:rotX:physics:low", Sdf.ValueTypeNames.Float).Set(0.0)
+    stage.Save()
+    said = [note.text for note in load(stage).notes if "PhysicsLimitAPI" in note.text]
+    assert len(said) == 1 and "PhysicsLimitAPI:rotX" in said[0]

@@ -179,11 +179,12 @@ def test_a_rope_that_colliders_leave_no_room_is_told_how_deep_it_was():
 
 def test_positions_of_rods_are_asked_for_by_path():
     sim = Simulation(strands(2, 0.1), device="cpu", worlds=2)
-    assert np.allclose(sim.positions("/strands", 1), sim.scene.things("Rods")[0].points) and sim.velocities().shape == (10, 3)
+    assert np.allclose(sim.positions("/strands", 1), sim.scene.things("Rods")[0].points)
+    assert sim.velocities().shape == (10, 3)
     for asked in (("/rope",), ("/strands", 2)):
-        with pytest.raises(KeyError, match=r"names 0 prims with points; there are \['/strands'\] in worlds 0 to 1"):
+        with pytest.raises(SceneError, match=r"0 prims with points of that path; there are \['/strands'\] in worlds 0 to 1"):
             sim.positions(*asked)
-    with pytest.raises(KeyError, match=r"names 0 prims with points on the device; there are \[\]"):
+    with pytest.raises(SceneError, match=r"has 0 prims with points on the device of that path; there are \[\]"):
         sim.positions("/strands", device=True)
 
 

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wsim.geometry.triangulate import triangulate
+from wsim.geometry.triangulate import flat, triangulate
 from wsim.geometry.winding import wound_alike
 from wsim.scene import Collider, Problem, SceneError, Surface
 from wsim.scene.check.signed_distance import closed
@@ -57,14 +57,12 @@ class Mesh:
                                      f"{points.shape} at rest; they must be equal in shape and finite"))
         if len(surface.indices) and not (surface.indices.min() >= 0 and surface.indices.max() < len(points)):
             raise SceneError(Problem(collider.path, f"a face names a point outside of 0 to {len(points) - 1}"))
-        triangles = wound_alike(points, triangulate(surface.points, surface.counts, surface.indices)[0])
+        triangles = wound_alike(points, triangulate(surface.points, surface.counts, surface.indices, True)[0])
         whole = closed(points, triangles)
         enclosed = volume(points, triangles) if whole else 0.0
         if enclosed < 0.0:
             triangles = triangles[:, ::-1]
-        corners = points[triangles]
-        n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        triangles = np.ascontiguousarray(triangles[(n != 0.0).any(axis=1)], np.int32)
+        triangles = np.ascontiguousarray(triangles[~flat(points, triangles)], np.int32)
         if len(triangles) == 0:
             raise SceneError(Problem(collider.path, "the mesh has no triangle with an area; give it faces, or remove "
                                      "the collider"))

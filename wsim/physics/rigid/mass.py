@@ -128,7 +128,7 @@ def _round(shape: Sphere | Cylinder | Cone | Capsule) -> tuple[float, float, flo
 def _mesh(shape: Surface) -> Volume:
     """A mesh wound inward counts as the solid inside it."""
     points = np.asarray(shape.points, np.float64)
-    triangles = wound_alike(points, triangulate(shape.points, shape.counts, shape.indices)[0])
+    triangles = wound_alike(points, triangulate(shape.points, shape.counts, shape.indices, True)[0])
     if not closed(points, triangles):
         return NOTHING
     middle = points.mean(axis=0)

@@ -33,7 +33,7 @@ def distance(collider: Collider, points: np.ndarray, near: float) -> np.ndarray:
 
 def _mesh(shape: Surface, q: np.ndarray, near: float) -> np.ndarray:
     points = (shape.points if shape.poses is None else shape.poses.at(0.0)).astype(np.float64)
-    triangles = wound_alike(points, triangulate(shape.points, shape.counts, shape.indices)[0])
+    triangles = wound_alike(points, triangulate(shape.points, shape.counts, shape.indices, True)[0])
     found = np.full(len(q), inf)
     if not closed(points, triangles):
         return found

@@ -13,6 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, all_locked
 from wsim.physics.rigid.joints.moving import body_of, holds_a_frame
+from wsim.physics.rigid.joints.stacked import merged, passive, stacked
 from wsim.scene.curve import Motion
 from wsim.usd.load_varying import vary
 from wsim.usd.stage import Reading, Units, applied
@@ -26,6 +27,15 @@ KINDS = {"PhysicsRevoluteJoint": ("rotX", "angular"), "PhysicsPrismaticJoint": (
 
 
 def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
+    """The joint of a prim; of several that act one behind the other, one joint at the first of them."""
+    group = stacked(reading, prim)
+    if prim != group[0]:
+        return None
+    joints = [joint for each in group if (joint := _joint(reading, each)) is not None]
+    return merged(reading, joints) if len(joints) > 1 else joints[0] if joints else None
+
+
+def _joint(reading: Reading, prim: Usd.Prim) -> Joint | None:
     path, api = str(prim.GetPath()), UsdPhysics.Joint(prim)
     targets = [_target(reading, prim, rel) for rel in (api.GetBody0Rel(), api.GetBody1Rel())]
     if "" in targets:
@@ -49,6 +59,7 @@ def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
     if any(value is None for value in given.values()):
         return None
     kind = str(prim.GetTypeName())
+    _unapplied(reading, prim)
     limits, drives, cone, turn = _table(reading, prim, kind)
     for k in (0, 1):
         given[f"turn{k}"] = rotation.multiply(given[f"turn{k}"], turn)
@@ -56,6 +67,15 @@ def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
             for a in (api.GetTargetPositionAttr(), api.GetTargetVelocityAttr())]
     vary(reading, path, Joint, aims, lambda at: _aims(at, prim, kind))
     return Joint(path, limits=limits, drives=drives, cone=cone, **given, **_more(reading, api))
+
+
+def _unapplied(reading: Reading, prim: Usd.Prim) -> None:
+    """Warns of limits and drives whose schema is not applied, which USD ignores."""
+    given = {tuple(name.split(":")[:2]) for name in prim.GetAuthoredPropertyNames() if name.startswith(("limit:", "drive:"))}
+    for what, axis in sorted(given):
+        api = f"Physics{what.capitalize()}API:{axis}"
+        if api not in applied(prim):
+            reading.warn(prim.GetPath(), f"has {what}:{axis} and not {api}, so that it counts for nothing; apply {api}")
 
 
 def _more(reading: Reading, api: UsdPhysics.Joint) -> dict:
@@ -155,6 +175,8 @@ def _table(reading: Reading, prim: Usd.Prim, kind: str):
                 own = UsdPhysics.LimitAPI(prim, name)
                 limits[name] = _range(units, name, own.GetLowAttr().Get(start), own.GetHighAttr().Get(start))
     drives = {name: _drive(reading, prim, given, name) for given, name in _driven(prim, kind)}
+    if kind in KINDS:
+        drives = passive(reading, prim, KINDS[kind][0], drives)
     return limits, drives, cone, turn
 
 

@@ -1,0 +1,93 @@
+"""Joints of robots that add mobility, one behind the other between the same bodies, and their passive springs and dampers."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+
+from wsim.geometry import rotation
+from wsim.physics.rigid.joints.joint import AXES, LOCKED, Joint
+from wsim.scene import SceneError
+from wsim.usd import load
+
+X, Y = np.eye(3)[0], np.eye(3)[1]
+
+
+def stage_of(tmp_path, joints, adds: bool = True) -> Usd.Stage:
+    """Two cubes; joints: (type, axis, low, high) between them, outermost first."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    for k, name in enumerate(("/a", "/b")):
+        cube = UsdGeom.Cube.Define(stage, name)
+        cube.AddTranslateOp().Set((3.0 * k, 0.0, 0.0))
+        UsdPhysics.RigidBodyAPI.Apply(cube.GetPrim())
+        UsdPhysics.CollisionAPI.Apply(cube.GetPrim())
+    stage.GetPrimAtPath("/b").CreateAttribute("newton:jointsAddMobility", Sdf.ValueTypeNames.Bool).Set(adds)
+    for k, (kind, axis, low, high) in enumerate(joints):
+        joint = kind.Define(stage, f"/j{k}")
+        joint.CreateBody0Rel().SetTargets([Sdf.Path("/a")])
+        joint.CreateBody1Rel().SetTargets([Sdf.Path("/b")])
+        joint.CreateLocalPos0Attr(Gf.Vec3f(3.0, 0.0, 0.0))
+        joint.CreateAxisAttr(axis)
+        joint.CreateLowerLimitAttr(low)
+        joint.CreateUpperLimitAttr(high)
+    stage.Save()
+    return stage
+
+
+def free(joint: Joint) -> set[str]:
+    return {name for name in AXES if joint.limits.get(name) != LOCKED}
+
+
+@pytest.mark.parametrize("outer, inner", [("X", "Y"), ("Z", "X"), ("Y", "Z")])
+def test_two_turns_have_the_freedom_of_one_behind_the_other(outer, inner, tmp_path):
+    """R = R(outer, s) R(inner, t) is a twist about x by t and then a swing about y by s, up to signs, for any angles."""
+    hinge = UsdPhysics.RevoluteJoint
+    (joint,) = load(stage_of(tmp_path, [(hinge, outer, -10.0, 20.0), (hinge, inner, -30.0, 40.0)])).things("Joint")
+    assert joint.path == "/j0" and free(joint) == {"rotX", "rotY"}
+    axes = dict(zip("XYZ", np.eye(3), strict=True))
+    for s, t in ((0.3, 0.4), (-2.0, 1.5)):
+        R = rotation.about_axis(axes[outer], s) @ rotation.about_axis(axes[inner], t)
+        between = rotation.matrix(joint.turn0).T @ R @ rotation.matrix(joint.turn1)
+        own = rotation.matrix(joint.turn1).T
+        signs = [float(np.sign((own @ axes[a])[k])) for k, a in enumerate((inner, outer))]
+        expected = rotation.about_axis(Y, signs[1] * s) @ rotation.about_axis(X, signs[0] * t)
+        assert np.abs(between - expected).max() < 1e-6
+    for name, low, high, sign in (("rotX", -30.0, 40.0, signs[0]), ("rotY", -10.0, 20.0, signs[1])):
+        assert np.allclose(np.degrees(joint.limits[name]), (low, high) if sign > 0 else (-high, -low), atol=1e-4)
+
+
+def test_a_planar_root_slides_twice_and_turns_once(tmp_path):
+    slide, hinge = UsdPhysics.PrismaticJoint, UsdPhysics.RevoluteJoint
+    endless = (-np.inf, np.inf)
+    stage = stage_of(tmp_path, [(slide, "X", *endless), (slide, "Z", *endless), (hinge, "Y", *endless)])
+    (joint,) = load(stage).things("Joint")
+    assert len(free(joint)) == 3
+    R = rotation.matrix(joint.turn0)
+    assert {tuple(np.abs(R[:, k]).round(6)) for k in range(3) if AXES[k] in free(joint)} == {(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)}
+    assert np.allclose(np.abs(R[:, 0]), Y) and "rotX" in free(joint)
+
+
+def test_without_that_attribute_joints_constrain(tmp_path):
+    hinge = UsdPhysics.RevoluteJoint
+    assert len(load(stage_of(tmp_path, [(hinge, "X", -10.0, 10.0), (hinge, "Y", -10.0, 10.0)], False)).things("Joint")) == 2
+
+
+def test_axes_that_are_not_orthogonal_are_refused(tmp_path):
+    hinge = UsdPhysics.RevoluteJoint
+    stage = stage_of(tmp_path, [(hinge, "X", -10.0, 10.0), (hinge, "X", -10.0, 10.0)])
+    turn = Gf.Quatf(float(np.cos(0.3)), Gf.Vec3f(0.0, 0.0, float(np.sin(0.3))))
+    for side in "01":
+        stage.GetPrimAtPath("/j1").GetAttribute(f"physics:localRot{side}").Set(turn)
+    with pytest.raises(SceneError, match="/j0: 2 joints .* add mobility along axes that are not orthogonal"):
+        load(stage)
+
+
+def test_passive_springs_and_dampers_are_drives_and_what_is_not_simulated_is_said(tmp_path):
+    """Newton's damping is per degree, MuJoCo's stiffness per radian."""
+    stage = stage_of(tmp_path, [(UsdPhysics.RevoluteJoint, "X", -10.0, 10.0)])
+    for name, value in (("newton:damping", 0.5), ("mjc:stiffness", 3.0), ("newton:armature", 0.1)):
+        stage.GetPrimAtPath("/j0").CreateAttribute(name, Sdf.ValueTypeNames.Float).Set(value)
+    scene = load(stage)
+    drive = scene.things("Joint")[0].drives["rotX"]
+    assert abs(drive.damping / (0.5 * 180.0 / np.pi) - 1.0) < 1e-6 and drive.stiffness == 3.0
+    assert any("newton:armature" in note.text for note in scene.notes)

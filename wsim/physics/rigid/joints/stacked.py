@@ -1,0 +1,128 @@
+"""Joints of robots: several between the same two bodies that each add a motion, as one joint; and passive springs and dampers.
+
+In an articulation with `newton:jointsAddMobility`, revolute and prismatic joints between the same two bodies act one behind the
+other, the first outermost, as MuJoCo has them: R = R(a_1) R(a_2) ... R(a_n). One `Joint` has the same freedom: the innermost
+turn is its twist, rotX, the turns outside of it the swing, rotY and rotZ. Two turns are exact; three have the same freedom, and
+limits and springs that agree for small angles. Without that attribute, joints constrain, as USD has them.
+"""
+
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+from pxr import Usd, UsdPhysics
+
+from wsim.geometry import rotation
+from wsim.physics.rigid.joints.joint import AXES, LOCKED, SHIFTS, Drive, Joint
+from wsim.usd.stage import Reading, Units
+
+SINGLE = ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint")
+ADDS = "newton:jointsAddMobility"
+DAMPING, STIFFNESS, REST = "newton:damping", "mjc:stiffness", "mjc:springref"
+UNSEEN = {"newton:armature": "the inertia of motors and gears", "newton:friction": "dry friction of joints"}
+ACROSS = 1e-3                # cosine between axes that count as orthogonal
+DEGREE = np.pi / 180.0
+
+
+def stacked(reading: Reading, prim: Usd.Prim) -> list[Usd.Prim]:
+    """Joints that act one behind the other with a joint, outermost first; of others the joint alone."""
+    if reading.stacks is None:
+        reading.stacks = {}
+        groups = defaultdict(list)
+        for each in Usd.PrimRange(reading.stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+            if each.GetTypeName() in SINGLE and UsdPhysics.Joint(each).GetJointEnabledAttr().Get(reading.start) is not False:
+                api = UsdPhysics.Joint(each)
+                ends = tuple(tuple(rel.GetTargets()) for rel in (api.GetBody0Rel(), api.GetBody1Rel()))
+                groups[ends].append(each)
+        for ends, joints in groups.items():
+            if len(joints) > 1 and len(ends[1]) == 1 and _adds(reading, reading.stage.GetPrimAtPath(ends[1][0])):
+                reading.stacks |= {joint.GetPath(): joints for joint in joints}
+    return reading.stacks.get(prim.GetPath(), [prim])
+
+
+def _adds(reading: Reading, prim: Usd.Prim) -> bool:
+    """Whether a body lies in an articulation whose joints add mobility."""
+    while prim and not prim.IsPseudoRoot():
+        attribute = prim.GetAttribute(ADDS)
+        if attribute and attribute.Get(reading.start) is not None:
+            return bool(attribute.Get(reading.start))
+        prim = prim.GetParent()
+    return False
+
+
+def merged(reading: Reading, joints: list[Joint]) -> Joint | None:
+    """One joint with the freedom of revolute and prismatic ones, outermost first; None where axes are not orthogonal."""
+    free = [next(name for name in AXES if not joint.locked(name)) for joint in joints]
+    turns = [joint for joint, name in zip(joints, free, strict=True) if name == "rotX"][::-1]          # innermost first
+    shifts = [joint for joint, name in zip(joints, free, strict=True) if name == "transX"]
+    axes: list[np.ndarray] = []
+    for joint in (*turns, *shifts):
+        axis = rotation.rotate(joint.turn1, np.array([1.0, 0.0, 0.0]))
+        if all(abs(axis @ other) < 1.0 - ACROSS for other in axes):
+            axes.append(axis)
+    if len(axes) > 3 or any(abs(a @ b) > ACROSS for k, a in enumerate(axes) for b in axes[:k]):
+        reading.fail(joints[0].path, f"{len(joints)} joints between the same bodies add mobility along axes that are not "
+                     "orthogonal; allowed: orthogonal axes; mend: put bodies between them")
+        return None
+    R = np.stack(axes, 1) if len(axes) == 3 else np.eye(3)
+    if len(axes) < 3:
+        R = np.stack([*axes, *_completed(axes)], 1)
+    if np.linalg.det(R) < 0.0:
+        R[:, 2] *= -1.0
+    first = (turns or shifts)[0]
+    found = replace(first, path=joints[0].path, limits=dict.fromkeys(AXES, LOCKED), drives={})
+    between = rotation.multiply(first.turn0, rotation.conjugate(first.turn1))          # body 1 in body 0, where it stands
+    found.turn1 = rotation.quaternion(R)
+    found.turn0 = rotation.multiply(between, found.turn1)
+    for joint in joints:
+        _add(found, joint, R)
+    return found
+
+
+def _completed(axes: list[np.ndarray]) -> list[np.ndarray]:
+    if len(axes) == 2:
+        return [np.cross(axes[0], axes[1])]
+    other = np.cross(axes[0], np.eye(3)[np.argmin(np.abs(axes[0]))])
+    other /= np.linalg.norm(other)
+    return [other, np.cross(axes[0], other)]
+
+
+def _add(found: Joint, joint: Joint, R: np.ndarray) -> None:
+    """Gives a merged joint the freedom of one of its parts."""
+    own = next(name for name in AXES if not joint.locked(name))
+    along = rotation.rotate(joint.turn1, np.array([1.0, 0.0, 0.0])) @ R
+    k = int(np.argmax(np.abs(along)))
+    name, sign = AXES[k + 3 * (own == "rotX")], float(np.sign(along[k]))
+    del found.limits[name]
+    if own in joint.limits:
+        low, high = joint.limits[own]
+        found.limits[name] = (low, high) if sign > 0.0 else (-high, -low)
+    if own in joint.drives:
+        drive = joint.drives[own]
+        found.drives[name] = replace(drive, target=sign * drive.target, speed=sign * drive.speed)
+
+
+def passive(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str, Drive]) -> dict[str, Drive]:
+    """Drives of a joint with one free coordinate, and with its passive spring and damper (NewtonJointAPI, MjcJointAPI)."""
+    values = {key: float(attribute.Get(reading.start) or 0.0) for key in (DAMPING, STIFFNESS, REST, *UNSEEN)
+              if (attribute := prim.GetAttribute(key)) and attribute.HasAuthoredValue()}
+    for key, what in UNSEEN.items():
+        if values.get(key, 0.0) > 0.0:
+            reading.warn(prim.GetPath(), f"has {key}, {what}, which is not simulated")
+    damping, stiffness = _gains(reading.units, name, values)
+    if damping == 0.0 and stiffness == 0.0:
+        return drives
+    own = drives.get(name, Drive())
+    if values.get(REST, 0.0) or own.acceleration or own.speed or (stiffness and name in drives):
+        reading.warn(prim.GetPath(), f"has a passive spring or damper ({DAMPING}, {STIFFNESS}) beside {REST}, or beside a "
+                     "drive that it cannot be added to; it is left out")
+        return drives
+    return drives | {name: replace(own, damping=own.damping + damping, stiffness=own.stiffness + stiffness)}
+
+
+def _gains(units: Units, name: str, values: dict[str, float]) -> tuple[float, float]:
+    """Damping and stiffness in SI units: newton's per degree, MuJoCo's per radian."""
+    damping, stiffness = values.get(DAMPING, 0.0), values.get(STIFFNESS, 0.0)
+    if name in SHIFTS:
+        return damping * units.factor("N s/m"), stiffness * units.factor("N/m")
+    return damping / DEGREE * units.factor("N m"), stiffness * units.factor("N m")
