@@ -17,16 +17,18 @@ def check(load: "Callable[[], Scene]", args) -> int:
     """`wsim check`: every problem of a scene, its errors first; fails if it cannot be simulated."""
     from wsim.scene import SceneError
     from wsim.scene.check.scene import check as examine
-    from wsim.scene.skin import held
+    from wsim.usd.result.kinds.places import refused
     from wsim.usd.settings import without_rate
+    from wsim.usd.stage import open_stage
 
     scene, problems = None, []
     try:
         scene = load()
         problems = list(dict.fromkeys([*scene.notes, *examine(scene), *without_rate(args.scene)]))
         if not any(problem.fatal for problem in problems):
-            held(scene)
-            problems += _touching(scene)
+            problems += refused(open_stage(args.scene, scene.variants), scene)
+        if not any(problem.fatal for problem in problems):
+            problems += _planned(scene)
     except SceneError as error:
         problems += error.problems
     problems.sort(key=lambda p: not p.fatal)
@@ -47,9 +49,11 @@ def check(load: "Callable[[], Scene]", args) -> int:
     return FAILED if fatal else DONE
 
 
-def _touching(scene: "Scene") -> "list[Problem]":
-    """How what touches itself starts, which its tables say: nothing is compiled. Raises SceneError where it cannot."""
-    if not any(getattr(thing, "self_collision", False) for thing in (*scene.bodies(), *scene.things("Rods"))):
+def _planned(scene: "Scene") -> "list[Problem]":
+    """Problems that the tables of a run say, where a scene has what they may refuse: surfaces that touch themselves, named
+    steps, smoothed contacts. Nothing is compiled. Raises SceneError where it cannot run."""
+    touching = any(getattr(thing, "self_collision", False) for thing in (*scene.bodies(), *scene.things("Rods")))
+    if not (touching or scene.contact_width or scene.integrator != "auto" or scene.solver == "explicit"):
         return []
     import warp as wp
 

@@ -35,7 +35,7 @@ def _load(args) -> "Scene":
     variants: dict[str, dict[str, str]] = {}
     for prim, name, value in args.variant:
         variants.setdefault(prim, {})[name] = value
-    scene = usd.load(args.scene, variants=variants)
+    scene = usd.load(args.scene, variants=variants, frames=getattr(args, "frames", None))
     changes = {name: getattr(args, name, None) for name in ("frames", "substeps", "iterations", "solver", "integrator")}
     return replace(scene, **{name: value for name, value in changes.items() if value is not None})
 

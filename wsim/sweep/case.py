@@ -55,7 +55,8 @@ class Cases:
         key = (given, repr(sorted((p, sorted(o.items())) for p, o in chosen.items())))
         if key not in self.loaded:
             from wsim.usd import load
-            self.loaded[key] = replace(load(given, variants=chosen), **self.job.settings.changes)
+            changes = self.job.settings.changes
+            self.loaded[key] = replace(load(given, variants=chosen, frames=changes.get("frames")), **changes)
         return self.loaded[key]
 
     def variant_sets(self, path: str, file: str | None = None) -> list[str]:

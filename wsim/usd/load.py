@@ -6,7 +6,6 @@ seen. Instance proxies collide, but cannot be cloth, since a result cannot be wr
 
 import os
 from dataclasses import dataclass, field
-from math import inf
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
@@ -21,7 +20,7 @@ from wsim.usd.prims.cloth import load_cloth
 from wsim.usd.prims.colliders import load_collider
 from wsim.usd.prims.pins import is_followed, is_tie, load_painted, load_pin, load_tie
 from wsim.usd.prims.springs import load_springs
-from wsim.usd.settings import frames_of, load_settings, note_range
+from wsim.usd.settings import frames_of, load_settings, note_range, refuse_units
 from wsim.usd.spelling import spelling
 from wsim.usd.stage import Reading, Units, applied, open_stage, quiet, source_of
 
@@ -44,36 +43,39 @@ class Prims:
     others: list = field(default_factory=list)           # (row of a method, prim)
 
 
-def load(path, variants: dict[str, dict[str, str]] | None = None) -> Scene:
+def load(path, variants: dict[str, dict[str, str]] | None = None, frames: int | None = None) -> Scene:
     """The scene of a USD file, or of a `Usd.Stage`, in SI units.
 
     path        a .usda, .usdc, .usd or .usdz file; or an open stage, read as it is now
     variants    {prim path: {variant set: variant}} to choose before reading
+    frames      how many are to be simulated; None: those of the stage, whose endTimeCode must be within reach then
 
     Warnings are in `scene.notes`. Raises SceneError with everything fatal: a file that cannot be opened, nothing that
     can be simulated in it, values out of range.
     """
     if isinstance(path, Usd.Stage):
-        scene = read_stage(path)
+        scene = read_stage(path, frames=frames)
         scene.source = source_of(path, scene.notes, variants)
+        scene.frames = scene.frames if frames is None else frames
         return scene
     notes: list[Problem] = []
     stage = open_stage(path, variants, notes)
-    scene = read_stage(stage, notes)
+    scene = read_stage(stage, notes, frames)
+    scene.frames = scene.frames if frames is None else frames
     scene.source, scene.variants = os.fspath(path), {prim: dict(sets) for prim, sets in (variants or {}).items()}
     return scene
 
 
-def read_stage(stage: Usd.Stage, notes: list[Problem] | None = None) -> Scene:
+def read_stage(stage: Usd.Stage, notes: list[Problem] | None = None, frames: int | None = None) -> Scene:
     """The scene of an open stage; see `load`."""
     reading = Reading(stage, Units.of(stage), problems=list(notes or []))
     with quiet(reading.problems, stage), np.errstate(over="ignore", invalid="ignore"):    # what is no number is reported
-        return _read(reading)
+        return _read(reading, frames)
 
 
-def _read(reading: Reading) -> Scene:
-    _usable_units(reading)
-    reading.frames = frames_of(reading)
+def _read(reading: Reading, frames: int | None) -> Scene:
+    refuse_units(reading)
+    reading.frames = frames_of(reading, frames)
     found = _walk(reading)
     if found.skel_roots:
         from wsim.usd.prims.skeletons import bindings
@@ -116,17 +118,6 @@ def _read(reading: Reading) -> Scene:
 
 def _nothing(reading: Reading, prim: Usd.Prim) -> list:
     return []
-
-
-def _usable_units(reading: Reading) -> None:
-    """Raises SceneError if no length, mass or time can be told from the root metadata."""
-    file = reading.stage.GetRootLayer().realPath
-    units = {"metersPerUnit": reading.units.metres, "kilogramsPerUnit": reading.units.kilograms,
-             "timeCodesPerSecond": reading.units.fps}
-    wrong = [Problem(file, f"{name} is {value:g}; allowed is a finite number > 0: correct the root layer's metadata")
-             for name, value in units.items() if not 0.0 < value < inf]
-    if wrong:
-        raise SceneError(wrong)
 
 
 def _load_body(reading: Reading, scene: Scene, prim: Usd.Prim, body: Usd.Prim) -> None:

@@ -9,43 +9,65 @@ import math
 import numpy as np
 from pxr import Gf, Usd
 
-from wsim.scene import Problem, Scene
+from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.bodies import Unnamed
 from wsim.usd.attributes import EXACT, author, decimal, read
 from wsim.usd.load_varying import attributes_of, vary
 from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, fields, row
 from wsim.usd.stage import Reading, Units, open_stage
 
+LATEST = 1e9           # a time code: a millionth of a frame is still told from the next one
+LONG = 100_000         # frames of a stage (an hour at 24 a second): beyond, --frames says how many are meant
 FIELDS = ("substeps", "iterations", "solver", "integrator", *fields("Scene"))
 
 
-def frames_of(reading: Reading) -> int:
-    """Frames from startTimeCode to endTimeCode; the default of `Scene` if the stage authors no range."""
-    stage = reading.stage
-    if not stage.HasAuthoredTimeCodeRange():
+def refuse_units(reading: Reading) -> None:
+    """Raises SceneError if no length, mass or time can be told from the root metadata."""
+    file = reading.stage.GetRootLayer().realPath
+    start = reading.units.start
+    if not abs(start) <= LATEST:
+        raise SceneError(Problem(file, f"startTimeCode is {start:g}; allowed is a number from {-LATEST:g} to {LATEST:g}, "
+                                 "beyond which time codes are rounded: correct the root layer's metadata"))
+    units = {"metersPerUnit": reading.units.metres, "kilogramsPerUnit": reading.units.kilograms,
+             "timeCodesPerSecond": reading.units.fps}
+    wrong = [Problem(file, f"{name} is {value:g}; allowed is a finite number > 0: correct the root layer's metadata")
+             for name, value in units.items() if not 0.0 < value < math.inf]
+    if wrong:
+        raise SceneError(wrong)
+
+
+def frames_of(reading: Reading, asked: int | None = None) -> int:
+    """Frames from startTimeCode (0 where it is not authored) to endTimeCode; the default of `Scene` where no endTimeCode is.
+    asked: frames that somebody names, and that a stage of too many or of endless ones needs."""
+    stage, layer = reading.stage, reading.stage.GetRootLayer()
+    if not stage.HasAuthoredMetadata("endTimeCode"):
+        return Scene().frames if asked is None else asked
+    end, length = stage.GetEndTimeCode(), stage.GetEndTimeCode() - reading.units.start
+    if not length <= LONG and asked is None:
+        reading.fail(layer.realPath or layer.identifier, f"endTimeCode is {end:g}: {length:g} frames; allowed is a number up "
+                     f"to {LONG} after startTimeCode; give --frames, or author another endTimeCode")
         return Scene().frames
-    frames = round(stage.GetEndTimeCode() - stage.GetStartTimeCode())
-    if frames < 0:
-        reading.warn(stage.GetRootLayer().realPath, f"endTimeCode {stage.GetEndTimeCode():g} comes before "
-                     f"startTimeCode {stage.GetStartTimeCode():g}; {Scene().frames} frames are simulated: author "
-                     "endTimeCode")
+    if length < 0:
+        reading.warn(layer.realPath, f"endTimeCode {end:g} comes before startTimeCode {reading.units.start:g}; "
+                     f"{Scene().frames} frames are simulated: author endTimeCode")
         return Scene().frames
-    return frames
+    return round(length) if length <= LONG else asked or 0
 
 
 def note_range(reading: Reading) -> None:
     """Warns where nobody said how long the scene is."""
     layer = reading.stage.GetRootLayer()
-    if not reading.stage.HasAuthoredTimeCodeRange():
-        reading.warn(layer.realPath or layer.identifier, f"has no startTimeCode and endTimeCode: {Scene().frames} frames are "
-                     f"simulated, {reading.units.fps:g} a second; author both and timeCodesPerSecond, or give --frames")
+    if not reading.stage.HasAuthoredMetadata("endTimeCode"):
+        lacks = "endTimeCode" if reading.stage.HasAuthoredMetadata("startTimeCode") else "startTimeCode and endTimeCode"
+        reading.warn(layer.realPath or layer.identifier, f"has no {lacks}: {Scene().frames} frames are simulated, "
+                     f"{reading.units.fps:g} a second; author both and timeCodesPerSecond, or give --frames")
 
 
 def without_rate(path) -> list[Problem]:
-    """A warning where a stage says when it begins and ends and not how fast it plays, which USD takes for 24 a second."""
+    """A warning where a stage says when it ends and not how fast it plays, which USD takes for 24 a second."""
     stage = open_stage(str(path))
     said = any(stage.HasAuthoredMetadata(name) for name in ("timeCodesPerSecond", "framesPerSecond"))
-    return [] if said or not stage.HasAuthoredTimeCodeRange() else [Problem(
+    return [] if said or not stage.HasAuthoredMetadata("endTimeCode") else [Problem(
         str(path), f"has no frame rate: {stage.GetTimeCodesPerSecond():g} frames are a second, as USD has it; author "
         "timeCodesPerSecond", fatal=False)]
 

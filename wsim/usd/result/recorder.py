@@ -22,10 +22,11 @@ from wsim.usd.prims.reactions import forces_of
 from wsim.usd.prims.surface import surfaces
 from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
+from wsim.usd.result.kinds.places import refused
 from wsim.usd.result.kinds.rows import Sample, taken
 from wsim.usd.result.partial import Partial, check_output, partial_path
 from wsim.usd.result.restart import Restart, check_fields, copy_samples, is_frame, store
-from wsim.usd.result.samples import BodyOver, ColliderOver, body_prim
+from wsim.usd.result.samples import BodyOver, ColliderOver
 from wsim.usd.result.sublayer import choose, flattened, put_over, refuse_source, remove_sources, write_source
 from wsim.usd.stage import open_stage
 
@@ -111,29 +112,18 @@ class Recorder:
         delegate.TakeUncoalescedDiagnostics()
         self.stage.SetEditTarget(layer)
         choose(self.stage, self.scene.variants)
+        if problems := refused(self.stage, self.scene):
+            raise SceneError(problems)
         self.rate = self.stage.GetTimeCodesPerSecond()
-        self.bodies = self._prims({b.path: len(b.points) for b in self.scene.bodies()})
+        self.bodies = {b.path: (self.stage.GetPrimAtPath(b.path), len(b.points)) for b in self.scene.bodies()}
         self.skins = held(self.scene)
-        followers = self._prims({path: len(skin.rows) for path, skin in self.skins.items()})
-        self.overs = {path: BodyOver(prim, velocities=velocities, normals=normals, notes=self.notes)
-                      for path, (prim, _) in {**self.bodies, **followers}.items()}
+        self.overs = {path: BodyOver(self.stage.GetPrimAtPath(path), velocities=velocities, normals=normals, notes=self.notes)
+                      for path in (*self.bodies, *self.skins)}
         if self.continues:
             self.codes += copy_samples(self.continues, self.stage, self.scene, self.file.beside)
         self.surfaces = surfaces(self.scene, self.bodies, self.codes)
         self.colliders = {c.path: ColliderOver(self.stage, self._original, c, self.codes) for c in self.scene.colliders}
         layer.startTimeCode = self.scene.start
-
-    def _prims(self, counts: Mapping[str, int]) -> dict[str, tuple[Usd.Prim, int]]:
-        """Prim and number of points of each path. Raises SceneError with every one that cannot take a result."""
-        found, problems = {}, []
-        for path, count in counts.items():
-            try:
-                found[path] = (body_prim(self.stage, path, count), count)
-            except SceneError as error:
-                problems += error.problems
-        if problems:
-            raise SceneError(problems)
-        return found
 
     def _original(self) -> Any:
         return open_stage(self.source, self.scene.variants)

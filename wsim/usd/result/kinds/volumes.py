@@ -32,10 +32,7 @@ def volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> list[
         raise ValueError(f"fields of {sample.path} have shapes {sorted(shapes)} and names {list(sample.fields)}; allowed is "
                          "one shape, and names of letters, digits and _")
     home = _home(prim)
-    frame = Frame.of(home.GetPrim(), code)
-    if np.abs(frame.L - np.diag(np.diag(frame.L))).max() > TURNED * np.abs(frame.L).max() or np.diag(frame.L).min() <= 0.0:
-        raise SceneError(Problem(str(home.GetPath()), "is turned or mirrored, and holds fields on a grid along the world's "
-                                 "axes; take the rotation out of its transform and of what is above it"))
+    frame = straight(home.GetPrim(), code)
     voxel = sample.cell / (frame.unit * np.diag(frame.L))
     low = frame.points(np.asarray(sample.low, np.float64))
     if not home.GetExtentAttr().HasAuthoredValue():
@@ -46,6 +43,15 @@ def volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> list[
              for name, values in sample.fields.items()]
     file = Sdf.AssetPath(beside.write(home.GetPrim().GetName(), ".vdb", lambda target: write(target, grids)))
     return [(_asset(home, grid).GetFilePathAttr(), file) for grid in grids]
+
+
+def straight(prim: Usd.Prim, code: float) -> Frame:
+    """Frame of a volume, which is scaled and moved. Raises SceneError where it is turned or mirrored."""
+    frame = Frame.of(prim, code)
+    if np.abs(frame.L - np.diag(np.diag(frame.L))).max() > TURNED * np.abs(frame.L).max() or np.diag(frame.L).min() <= 0.0:
+        raise SceneError(Problem(str(prim.GetPath()), "is turned or mirrored, and holds fields on a grid along the world's "
+                                 "axes; take the rotation out of its transform and of what is above it"))
+    return frame
 
 
 def _home(prim: Usd.Prim) -> UsdVol.Volume:

@@ -1,5 +1,6 @@
 """PointInstancers whose prototypes are rigid bodies: an instance is a `Body`; results write its position and orientation."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from wsim.usd.stage import Reading, applied
 from wsim.usd.transforms import placement, split
 
 SAME = 1e-5                  # of a scale, from axis to axis
+UNIT = 1e-2                  # departure of |q| from 1 that quath keeps, tenfold
 
 
 def load(reading: Reading, prim: Usd.Prim, body_of) -> list[Body]:
@@ -30,6 +32,10 @@ def load(reading: Reading, prim: Usd.Prim, body_of) -> list[Body]:
         reading.fail(path, f"has the rigid body {inner[0]} within a prototype; author PhysicsRigidBodyAPI on the prototype"
                      if inner else "is a PointInstancer of bodies in an instance; author instanceable = false on the instance")
         return []
+    if wrong := list(faults(instancer, reading.start)):
+        for text in wrong:
+            reading.fail(path, text)
+        return []
     if len(placement(reading, prim).times) > 1 or instancer.GetPositionsAttr().ValueMightBeTimeVarying():
         reading.warn(path, "is animated and has dynamic rigid bodies: they start where it does and then move by forces")
     found: list[Body | None] = []
@@ -43,6 +49,48 @@ def load(reading: Reading, prim: Usd.Prim, body_of) -> list[Body]:
         if made[index] is not None:
             found.append(_instance(reading, prim, proto, made[index], k, M))
     return [body for body in found if body is not None]
+
+
+def faults(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode) -> Iterator[str]:
+    """What is wrong with the arrays of an instancer: how many numbers there are, what they name, and that they are numbers."""
+    arrays = {name: np.array(value if (value := getattr(instancer, f"Get{name}Attr")().Get(start)) is not None else [], kind)
+              for name, kind in (("ProtoIndices", np.int64), ("Positions", np.float64), ("Scales", np.float64),
+                                 ("Velocities", np.float64), ("AngularVelocities", np.float64), ("Ids", np.int64))}
+    count, targets = len(arrays["Positions"]), instancer.GetPrototypesRel().GetTargets()
+    for name, values in arrays.items():
+        said = name[0].lower() + name[1:]
+        if len(values) != count and (len(values) or name == "ProtoIndices"):
+            yield f"{said} has {len(values)} entries, and positions {count}; allowed is one for each instance: author as many"
+        elif values.dtype == np.float64 and len(bad := np.flatnonzero(~np.isfinite(values).reshape(count, -1).all(axis=1))):
+            yield f"{said}[{bad[0]}] is {tuple(values[bad[0]].tolist())}; allowed are finite numbers: author it again"
+    indices, ids = arrays["ProtoIndices"], arrays["Ids"]
+    bad = np.flatnonzero((indices < 0) | (indices >= len(targets)))
+    if len(bad):
+        yield (f"protoIndices[{bad[0]}] is {indices[bad[0]]}; allowed is 0 to {len(targets) - 1}: there are {len(targets)} "
+               "prototypes; name one of them")
+    lost = [path for path in targets if not instancer.GetPrim().GetStage().GetPrimAtPath(path)]
+    if lost:
+        yield f"its prototype {lost[0]} is no prim (is a payload or reference missing?); name one that is there"
+    twice, counts = np.unique(ids, return_counts=True)
+    if (counts > 1).any():
+        yield f"ids has {twice[counts > 1][0]} {counts[counts > 1][0]} times; allowed is each once: author other ids"
+    yield from _orientations(instancer, start, count)
+
+
+def _orientations(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode, count: int) -> Iterator[str]:
+    for attribute in (instancer.GetOrientationsfAttr(), instancer.GetOrientationsAttr()):
+        values = attribute.Get(start) if attribute else None
+        if not values:
+            continue
+        lengths = np.array([q.GetLength() for q in values])
+        bad = np.flatnonzero(~(np.abs(lengths - 1.0) < UNIT))
+        if len(values) != count:
+            yield (f"{attribute.GetName()} has {len(values)} entries, and positions {count}; allowed is one for each instance: "
+                   "author as many")
+        elif len(bad):
+            yield (f"{attribute.GetName()}[{bad[0]}] is a quaternion of length {lengths[bad[0]]:g}; allowed is 1: divide it by "
+                   "its length, or leave out orientations")
+        return
 
 
 def _bodies(prim: Usd.Prim) -> list[Usd.Prim]:
