@@ -80,6 +80,7 @@ def structs(real):
     @wp.struct
     class Work:
         """Of a substep: frames of all bodies (bodies + colliders,), and points."""
+        g: real                                # [m/s^2], of the weight
         center: wp.array(dtype=wp.vec3d)       # of shapes, world
         span: wp.array(dtype=t.vec2)           # of shapes: radius of the ball, < 0 without end; how far it may go
         from_x: wp.array(dtype=t.vec3)         # where bodies were when pairs were listed

@@ -17,9 +17,11 @@ from wsim.kernels.rigid.complementarity.impact_time import behind
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
+from wsim.kernels.rigid.soft_step import goals
 
 ROUNDS, MET = 64, 1.0e-4           # MET: part of the speed to which the sweeps go
 SWEEPS, REST = wp.constant(64), wp.constant(4.0)
+STILL = wp.constant(2.5e-7)         # of the speed at which what overlaps is pushed apart: rounding, no blow
 SOONER = wp.constant(1.01)         # what the soft steps would catch in this substep is an impact, whatever the rounding
 
 
@@ -64,6 +66,7 @@ def marks(real, met: float = MET, timed: bool = False):
     """(mark, strike): functions of a contact m, a look and a sweep; they tell by a flag what is left to do."""
     t, Rig = types(real), whole(real)
     _, _, begun, _, pushed, ended, slip, rubbed = formulas(real)
+    fastest = goals(real)[1]
 
     @wp.func
     def pull(f: int, rig: Rig):
@@ -89,7 +92,7 @@ def marks(real, met: float = MET, timed: bool = False):
             gap = wp.max(rig.work.now[j], real(0.0))
             speed = wp.sqrt(wp.max(u * u + real(2.0) * a * gap, real(0.0)))
             if e > real(0.0) and u < real(0.0) and gap + real(SOONER) * h * (u - h * wp.max(a, real(0.0))) < real(0.0):
-                if speed > real(REST) * h * wp.abs(a) and speed > real(1.0e-6):
+                if speed > real(REST) * h * wp.abs(a) and speed > real(STILL) * fastest(m, rig):
                     if timed:
                         rig.work.goal[j] = u + (real(1.0) + e) * speed
                         rig.work.when[j] = real(2.0) * gap / (speed - u)

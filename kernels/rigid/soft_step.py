@@ -11,7 +11,9 @@ Soft contact (Catto 2011, Soft constraints; Solver2D, Soft Step) of damping rati
 behind an impulse P of a whole substep and a point's own response A_ii (kernels/rigid/impulse.py) have
 
     0 <= P,  u' + bias + A_ii P / a_2 >= 0,  one of them 0          a_1 = 2 zeta + h w,  a_2 = h w a_1,  rate = w / a_1
-    bias = rate max(gap, -most);     gap > 0: bias = gap / h, and nothing gives way: A_ii P / a_2 is left out
+    bias = max(rate gap, -sqrt(2 g L));     gap > 0: bias = gap / h, and nothing gives way: A_ii P / a_2 is left out
+
+with L the radius of the smaller of both: what overlaps is pushed apart no faster than it would fall by so much.
 
 Points of bodies that turn go along arcs. The mean velocity of a point r = R c in a substep, (R(h) - 1) r / h, differs from
 omega x r by h/2 omega x (omega x r) + h^2/6 omega x (omega x (omega x r)): sweeps with bias stop that of both bodies, so that a
@@ -42,29 +44,37 @@ A1 = 2.0 * ZETA + TURN
 A2 = TURN * A1
 GIVES, RATE = wp.constant(1.0 / A2), wp.constant(TURN / A1)     # rate h
 NEAR = wp.constant(0.01)                   # of A_ii: points of which one is needless share what they bear as they did
-MOST = wp.constant(4.0)                    # [m/s] at which what overlaps is pushed apart, at most
 BACK = wp.constant(0.005)                  # of the drift in a substep
 TURNS = wp.constant(1.0e-4)                # [rad] in a substep below which points go straight, as they do from 1 rad on
 
 
 @cache
 def goals(real):
-    """Function of a point's gap and impulse: (1 where it acts, bias, part of A_ii that its impulse gives way by)."""
-    t = types(real)
+    """(goal, fastest). goal: function of a point's gap and impulse: (1 where it acts, bias, part of A_ii that its impulse gives
+    way by). fastest(m, rig): speed at which the shapes of manifold m are pushed apart, at most [m/s]."""
+    t, Rig = types(real), whole(real)
 
     @wp.func
-    def goal(gap: real, push: real, h: real, biased: int):
+    def fastest(m: int, rig: Rig):
+        L = rig.s.ball[rig.c.a[m]]
+        b = rig.s.ball[rig.c.b[m]]
+        if L < real(0.0) or (b >= real(0.0) and b < L):
+            L = b
+        return wp.sqrt(real(2.0) * rig.work.g * L)
+
+    @wp.func
+    def goal(gap: real, push: real, h: real, most: real, biased: int):
         wants = t.vec3(real(1.0), real(0.0), real(0.0))
         if gap > real(0.0):
             wants[1] = gap / h
             if biased == 0 and push <= real(0.0):
                 wants[0] = real(0.0)                  # what is not yet touched keeps its speed
         elif biased == 1:
-            wants[1] = wp.max(real(RATE) * gap / h, -real(MOST))
+            wants[1] = wp.max(real(RATE) * gap / h, -most)
             wants[2] = real(GIVES)
         return wants
 
-    return goal
+    return goal, fastest
 
 
 @cache
@@ -97,7 +107,7 @@ def sweeps(real, exact: bool = False):
     """(warm, solve): functions of a manifold m. exact: of the converged mode, whose adjoint has points go straight."""
     t, Rig = types(real), whole(real)
     Two, _, begun, shoved, pushed, ended, slip, rubbed = formulas(real)
-    together, goal, (bends, bend), hold = impulses(real), goals(real), bending(real), holding(real)
+    together, (goal, fastest), (bends, bend), hold = impulses(real), goals(real), bending(real), holding(real)
 
     @wp.func
     def meets(two: Two, j: int, h: real, arcs: bool, rig: Rig):
@@ -138,10 +148,11 @@ def sweeps(real, exact: bool = False):
         soft = t.vec4()                # part of A_ii that an impulse gives way by
         close = t.vec4()               # the same, of its change
         acts = wp.vec4i()
+        most = fastest(m, rig)
         for i in range(4):
             if i < count:
                 before[i] = rig.c.push[4 * m + i]
-                wants = goal(rig.work.now[4 * m + i], before[i], h, biased)
+                wants = goal(rig.work.now[4 * m + i], before[i], h, most, biased)
                 soft[i] = wants[2]
                 if wants[2] == real(0.0):
                     close[i] = real(NEAR)

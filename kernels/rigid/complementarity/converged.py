@@ -27,7 +27,7 @@ FINE = 1.0e-12             # part of the speed to which the sweeps of an impact 
 
 def missed(real):
     """Function of a contact m: its residual goes into `residual`."""
-    Rig, goal = whole(real), goals(real)
+    Rig, (goal, fastest) = whole(real), goals(real)
     _, _, begun, _, _, _, slip, rubbed = formulas(real)
 
     @wp.func
@@ -44,7 +44,7 @@ def missed(real):
                     j = 4 * m + i
                     push = rig.c.push[j]
                     u = slip(two, j, rig)
-                    wants = goal(rig.work.now[j], push, h, biased)
+                    wants = goal(rig.work.now[j], push, h, fastest(m, rig), biased)
                     if wants[0] > real(0.0):
                         bears = A[i, i] * push
                         most = wp.max(most, wp.abs(wp.min(bears, wp.dot(n, u) + wants[1] + wants[2] * bears)))

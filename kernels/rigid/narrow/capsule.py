@@ -146,7 +146,7 @@ def box_capsule(real):
             if k > 2:
                 L = wp.cross(L, d)
             length = wp.length(L)
-            if length > real(1.0e-3) * wp.min(real(1.0), wp.length(d)):
+            if k < 3 or length > real(1.0e-3) * wp.length(d):
                 L = L / length
                 if wp.dot(L, p) < real(0.0):
                     L = -L

@@ -30,7 +30,7 @@ from wsim.physics.rigid.solids import as_met, meeting, standing
 from wsim.scene import Collider
 
 LISTED = 60.0                # [1/s]: seldom enough for a pile at rest, often enough that few pairs are listed which never meet
-WORD, IN_TURN = "rigid pairs", "rigid manifolds without a colour"
+WORD, IN_TURN, WEIGHT = "rigid pairs", "rigid manifolds without a colour", 9.81        # [m/s^2] where a scene has none
 PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field("b", "", True, "the other", "int"),
          Field("count", "", True, "its points", "int"), Field("colour", "", True, "its colour, -1 for none", "int"))
 POINTS = (Field("push", "N s", True, "impulse of a point in the last substep", "scalar"),
@@ -138,8 +138,8 @@ class Contacts:
                            **{name: zeros(room, int) for name in ("renewed", "order")},
                            **{name: zeros(SERIAL + 2, int) for name in ("starts", "place")},
                            A=zeros(room, t.mat44), given=zeros(n, wp.float64), taken=zeros(n, wp.int64),
-                           colours=zeros(1, int), flags=zeros(2, int))
-        self.work.residual = zeros(2, real)
+                           colours=zeros(1, int), flags=zeros(2, int), residual=zeros(2, real),
+                           g=float(np.linalg.norm(self.model.scene.gravity)) or WEIGHT)
         for name, array in (self.method.sleep.arrays(n) if self.method.sleep else {"asleep": zeros(n, int)}).items():
             setattr(self.work, name, array)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.kernels.rigid.soft_step import GIVES, MOST, RATE
+from wsim.kernels.rigid.soft_step import GIVES, RATE
 from wsim.physics.rigid.recorded.local import Values
 from wsim.physics.rigid.recorded.rotation import acted, back, length, matrix, turned
 
@@ -24,11 +24,13 @@ GEO = {"n": slice(0, 3), "core_a": slice(3, 6), "core_b": slice(6, 9), "first_a"
 
 @dataclass
 class Surface:
-    """Shapes of points: skin (points, 2) [m]; axis and center of each shape in its body's frame, (points, 2, 3)."""
+    """Shapes of points: skin (points, 2) [m]; axis and center of each shape in its body's frame, (points, 2, 3); fastest: at
+    which the shapes of a point are pushed apart, (points,) [m/s]."""
 
     skin: np.ndarray
     axis: np.ndarray
     center: np.ndarray
+    fastest: np.ndarray
 
 
 @dataclass
@@ -121,8 +123,8 @@ class Points:
 
     def bias(self, t: Touching, mass: np.ndarray, push: np.ndarray) -> np.ndarray:
         """Bias of what gives way: the velocity that it is to have, and what it gives way by."""
-        pull = float(RATE) * t.gap / self.h
-        soft = np.where(pull.real > -float(MOST), pull, -float(MOST)) + float(GIVES) * response(t, mass) * push
+        pull, most = float(RATE) * t.gap / self.h, -self.surface.fastest
+        soft = np.where(pull.real > most, pull, most) + float(GIVES) * response(t, mass) * push
         return np.where(t.gap.real > 0.0, t.gap / self.h, soft)
 
     def held(self, v: Values) -> Values:

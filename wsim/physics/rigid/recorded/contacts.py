@@ -122,7 +122,9 @@ class ContactParts:
                               own["from_a"][at // 4], own["from_b"][at // 4], own["rim"][at]], axis=1)
         place = c.table.place.numpy().astype(np.float64)[shapes]
         z = rotate(place[..., 3:], np.broadcast_to([0.0, 0.0, 1.0], place[..., :3].shape))
-        surface = Surface(own["skin"][at // 4], z, place[..., :3])
+        ball = c.table.ball.numpy().astype(np.float64)[shapes]
+        fastest = np.sqrt(2.0 * c.work.g * np.where(ball < 0.0, np.inf, ball).min(axis=1))
+        surface = Surface(own["skin"][at // 4], z, place[..., :3], fastest)
         return Manifolds(at, frames, shapes, surface, geo, k, state.x, state.q, arrays)
 
     # backward
