@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.slow import SLOW
+from tests.make.suite import alone
+from tests.make.suite.slow import SLOW
 from wsim.model.compiler import header
 from wsim.model.model import Model
 from wsim.scene import Scene
@@ -60,6 +61,7 @@ def compiling():
               the few modules of a user's process it costs more than it saves.
     strides   Warp compiles most kernels for a CPU twice, the second time for arrays without gaps. `wsim.model.variants` leaves
               that out of the modules of a simulation, and this of those that tests make.
+    alone     Each kernel is compiled once for all modules that hold it, see `tests.make.suite.alone`.
     """
     load = Model.load
 
@@ -68,6 +70,7 @@ def compiling():
         load(model)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Model, "load", with_header)
+        patch.setattr(wp.Module, "load", alone.split(wp.Module.load))
         patch.setattr(header, "KEPT", True)
         patch.setattr("warp._src.codegen.cpu_linear_contiguous_specialization_candidate", lambda adj, block_dim: False,
                       raising=False)

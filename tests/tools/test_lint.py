@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.make.slow import SLOW
+from tests.make.suite.slow import SLOW
 from tools import lint
 
 FILES = lint.sources()

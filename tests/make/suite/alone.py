@@ -1,0 +1,58 @@
+"""Kernels of the tests are compiled one by one, each once for all modules that hold it.
+
+A plan's module holds what its scene needs, so that hundreds of plans have most kernels in common and no module: an empty cache
+took 9,953 of them, of which 1,216 differ. Here a module is loaded as parts, each the executable of one kernel, by its hash and
+the options. What modules hold, their names and when they are loaded stays as in a simulation, and so do the bits. Tests that
+run `wsim` in a process of its own compile whole modules; tests/physics/compiled/test_alone.py compares both in this one.
+"""
+
+from typing import Any
+
+import warp as wp
+from warp._src.context import ModuleExec
+
+WHOLE: list[bool] = []                # not empty: modules are compiled whole
+MADE: dict[tuple, ModuleExec] = {}    # executables of one kernel each, by hash and options
+
+
+class Parts(ModuleExec):
+    """Executable of a module, as executables of its kernels: by hash."""
+
+    def __init__(self, module: wp.Module, device, block_dim: int):
+        super().__init__(None, module.get_module_hash(block_dim), device, {}, block_dim,
+                         kernel_hashes=module.hashers[block_dim].kernel_hashes)
+        options = str(sorted(module.resolved_options[block_dim].items()))
+        self.parts = {kernel.get_mangled_name(kernel_hash=digest): part(kernel, digest, options, module, device, block_dim)
+                      for digest, kernel in module.hashers[block_dim].unique_kernels.items()}
+
+    def get_kernel_hooks(self, kernel) -> Any:
+        name = self.get_kernel_mangled_name(kernel)
+        if name not in self.kernel_hooks:
+            self.kernel_hooks[name] = self.parts[name].get_kernel_hooks(kernel)
+        return self.kernel_hooks[name]
+
+
+def part(kernel, digest: bytes, options: str, module: wp.Module, device, block_dim: int) -> ModuleExec:
+    """The executable of a kernel."""
+    key = digest, options
+    if key not in MADE:
+        alone = wp.Module(kernel.key, None)
+        alone.options, alone.defer_reference_scan = dict(module.options), True
+        alone.register_kernel(kernel)
+        alone.name = f"{kernel.key}_{alone.get_module_hash(block_dim).hex()[:8]}"        # of no other kernel, for LLVM
+        MADE[key] = alone.load(device, block_dim)
+    return MADE[key]
+
+
+def split(load):
+    """Of Warp's `Module.load`: modules of several kernels that are not Warp's own are loaded as parts."""
+    def loaded(module, device, block_dim=None, *files, **more):
+        device = wp.get_device(device)
+        block = module.options["block_dim"] if block_dim is None else block_dim
+        if not (device.is_cpu and len(module._live_kernels) > 1) or WHOLE or files or more or module.name.startswith("warp"):
+            return load(module, device, block_dim, *files, **more)
+        made, digest = module.execs.get((None, block)), module.get_module_hash(block)
+        if made is None or made.module_hash != digest:
+            made = module.execs[None, block] = Parts(module, device, block)
+        return made
+    return loaded
