@@ -283,7 +283,7 @@ def test_bad_options_of_a_bench_are_wrong_usage(stage, arguments):
 def test_a_plot_without_matplotlib_is_refused_before_the_bench(stage, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert wsim("bench", stage, "--device", "cpu", "--plot", tmp_path / "a.png") == 1
-    assert 'pip install "wsim[plot]"' in capsys.readouterr().err
+    assert 'pip install -e ".[plot]"' in capsys.readouterr().err
 
 
 def test_a_bench_prints_writes_and_is_kept_for_run(few, kept, stage, tmp_path, capsys):

@@ -61,7 +61,7 @@ def test_a_prim_in_the_way_of_the_result_is_refused_by_check_as_by_a_run(tmp_pat
     source = stage(tmp_path, text)
     assert cli.main(["check", source]) == 1
     assert f"error: {path}: {said}" in capsys.readouterr().out
-    with pytest.raises(SceneError, match=f"error: {path}: {said}"):
+    with pytest.raises(SceneError, match=f"{path}: {said}"):
         Recorder(load(source), tmp_path / "o.usdc")
     assert sorted(p.name for p in Path(tmp_path).iterdir()) == ["s.usda"]
 

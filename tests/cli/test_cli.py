@@ -80,9 +80,9 @@ def test_help_imports_what_words_are_made_of_and_nothing_heavy():
     code = ("import sys\nbefore = set(sys.modules)\nfrom wsim import cli\ntry: cli.main(['--help'])\nexcept SystemExit: pass\n"
             "print(*sorted(m for m in set(sys.modules) - before if m.split('.')[0] not in sys.stdlib_module_names))")
     assert printed(code).split() == [
-        "wsim", "wsim.cli", "wsim.cli.arguments", "wsim.cli.sweep_options", "wsim.scene", "wsim.scene.integrator",
-        "wsim.scene.solid", "wsim.scene.values", "wsim.scene.values.table", "wsim.scene.values.value", "wsim.simulation",
-        "wsim.simulation.interrupt"]
+        "wsim", "wsim.cli", "wsim.cli.arguments", "wsim.cli.new_options", "wsim.cli.sweep_options", "wsim.scene",
+        "wsim.scene.integrator", "wsim.scene.solid", "wsim.scene.values", "wsim.scene.values.table", "wsim.scene.values.value",
+        "wsim.simulation", "wsim.simulation.interrupt"]
 
 
 @pytest.mark.parametrize("arguments", [
@@ -168,7 +168,7 @@ def test_a_device_that_is_not_there_is_named_with_those_that_are(stage, out, cap
 def test_a_live_view_without_rerun_says_what_to_install_and_leaves_nothing(stage, out, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", None)              # as if it were not installed
     assert run(stage, out, "--view") == 1
-    assert "wsim[view]" in capsys.readouterr().err
+    assert ".[view]" in capsys.readouterr().err
     assert os.listdir(tmp_path) == [os.path.basename(stage)]
 
 

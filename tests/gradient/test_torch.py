@@ -9,7 +9,7 @@ from wsim.gradient.recording import Recording
 from wsim.scene import SceneError
 from wsim.simulation.simulation import Simulation
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install wsim[torch]")
+torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install -e .[torch]")
 from wsim.gradient.rollout.torch import Layer  # noqa: E402
 
 CASES = {
@@ -117,7 +117,7 @@ def test_wrong_tensors_and_second_derivatives_are_refused():
 
 
 def test_a_function_of_jax_has_the_same_gradient():
-    jax = pytest.importorskip("jax", reason="JAX is not installed: pip install wsim[jax]")
+    jax = pytest.importorskip("jax", reason="JAX is not installed: pip install -e .[jax]")
     from wsim.gradient.rollout.jax import function
     with jax.enable_x64(True):
         f = layer(net(integrator="leapfrog"), ["/chain:stiffness", "gravity"], [2])

@@ -1,6 +1,6 @@
 """Workers by Ray, on a cluster of three nodes that stands on this machine (ray.cluster_utils): what is killed is made good.
 
-Slow, and skipped where Ray is not installed (pip install "wsim[sweep]"): rows of the same sweep in one process are the truth.
+Slow, and skipped where Ray is not installed (pip install -e ".[sweep]"): rows of the same sweep in one process are the truth.
 """
 
 import os
@@ -17,7 +17,7 @@ from wsim.scene import SceneError
 from wsim.sweep.job import Settings
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not __import__("importlib.util").util.find_spec("ray"),
-                                                   reason='Ray is not installed: pip install "wsim[sweep]"')]
+                                                   reason='Ray is not installed: pip install -e ".[sweep]"')]
 VARY = ["stretch=log(100,1000,6)", "gravity_y=list(-9.81,-3)"]
 STORE = 100 * 2**20
 

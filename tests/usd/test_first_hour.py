@@ -158,7 +158,7 @@ PYTHON = {
     "a solver for cloth alone": (lambda: wsim.Simulation(wsim.Scene(solver="xpbd", softs=[wsim.Soft(
         "/jelly", *shapes.block((1, 1, 1), 1))])), "solver xpbd has no tetrahedra", "choose one of them"),
     "a name that is none": (lambda: wsim.Simulaton, "no attribute 'Simulaton'", "its names:"),
-    "a body that is none": (lambda: wsim.Simulation(rag(), device="cpu").positions("/rug"), "path='/rug'",
+    "a body that is none": (lambda: wsim.Simulation(rag(), device="cpu").positions("/rug"), "/rug: world 0 has 0 prims",
         "there are ['/rag']"),
     "a live value that is none": (lambda: wsim.Simulation(rag(), device="cpu").set("/rag", "strech", 1.0), "strech", "stretch"),
 }

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ENDINGS = (".png", ".svg")
-MISSING = 'matplotlib is not installed; install it by: pip install "wsim[plot]"'
+MISSING = 'matplotlib is not installed; install it by: pip install -e ".[plot]"'
 COLOURS = {"explicit": "#0b7a75", "xpbd": "#c2571a", "implicit": "#4a4e9e"}      # told apart by colour-blind eyes too
 MARKS = {"backward_euler": "o", "bdf2": "s", "leapfrog": "^"}
 OTHER = "D"                                                                      # any other integrator

@@ -20,7 +20,7 @@ PATIENCE = 20.0                  # [s] until a started viewer must listen
 PLOTS = ("energy", "strain")     # a plot each; all other indicators share one
 INSTEAD = "serve a page (--web), or write a file (wsim view RESULT -o run.rrd) and open that on a screen (rerun run.rrd)"
 Eye = tuple[np.ndarray, np.ndarray]                  # place (3,) and what it looks at (3,) [m]
-MISSING = 'rerun is not installed; install it by: pip install "wsim[view]"'
+MISSING = 'rerun is not installed; install it by: pip install -e ".[view]"'
 
 
 def rerun_package():

@@ -5,6 +5,7 @@ from wsim.simulation.duration import percent
 
 UNITS = {"penetration": "m", "too_near": "m"}
 NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point"}     # rows of parts of the state, one of them
+PLAIN = ("speed", "smoke", "temperature", "iterations", "steps", "particles", "volume")      # ends of names of what is no error
 APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
 ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "report", "total")
 
@@ -39,9 +40,11 @@ def text(report: dict, verbose: bool = False) -> str:
 def _what(report: dict) -> list[str]:
     device, name = report["device"], report.get("device_name")
     sizes, points = report.get("sizes", {}), report.get("points", "?")
-    what = [f"{points} points and {report.get('constraints', '?')} constraints"] if points or not sizes else []
+    what = [f"{points} points and {report.get('constraints', '?')} constraints"] if points else []
     what += [counted(n, part) for part, n in sizes.items()]
-    lines = [f"{report['frames']} frames of {', '.join(what)} on {device}"
+    drops = report.get("error", {}).get("liquid_particles")
+    what += [f"{drops:.0f} particles of liquid"] if drops else []
+    lines = [f"{report['frames']} frames{' of ' * bool(what)}{', '.join(what)} on {device}"
              f"{f' ({name})' if name and name.lower() != device else ''}, {report['precision']}"]
     if "substeps" in report:
         lines.append(f"  {report['substeps']} substeps, {report['iterations']} iterations, {report['integrator']}")
@@ -72,14 +75,16 @@ def _stages(report: dict) -> list[str]:
 
 
 def _error(report: dict) -> list[str]:
-    """Errors, then energies, then what is counted."""
+    """Errors, then other figures, energies, and what is counted."""
     found = {name: value for name, value in report.get("error", {}).items() if value is not None}
     change, time = found.pop("energy_change", None), found.pop("energy_change_seconds", 0.0)
     energies = {name: value for name, value in found.items() if name.endswith("energy")}
     counts = {name: value for name, value in found.items() if isinstance(value, int)}
     if "energy" in energies:
         energies["energy"] += sum(energies.get(name, 0.0) for name in APART)
-    lines = _rows("error", [_value(name, v) for name, v in found.items() if name not in {**energies, **counts}])
+    plain = {name for name in found if name.endswith(PLAIN)} - {*counts}
+    lines = _rows("error", [_value(name, v) for name, v in found.items() if name not in {*energies, *counts, *plain}])
+    lines += _rows("figures", [_value(name, found[name]) for name in found if name in plain])
     lines += _rows("energy", [_value(name.removesuffix("_energy"), v, "J") for name, v in energies.items()])
     if change is not None:
         what = "numerical damping" if change <= 0.0 else "error"

@@ -69,7 +69,7 @@ def _image(seen: Visible, camera, cell: tuple[int, int], device) -> np.ndarray:
 def needed() -> None:
     """Raises SceneError where matplotlib is missing: found out before the sweep and not after it."""
     if find_spec("matplotlib") is None:
-        raise SceneError(Problem("--plot", 'matplotlib is not installed; install it by: pip install "wsim[plot]"'))
+        raise SceneError(Problem("--plot", 'matplotlib is not installed; install it by: pip install -e ".[plot]"'))
 
 
 def plot(folder, column: str) -> str:

@@ -107,7 +107,7 @@ def needed(settings: Settings) -> None:
     """Raises SceneError where workers are asked for and Ray is missing."""
     if settings.remote and find_spec("ray") is None:
         option = "--workers" if settings.address is None else "--address"
-        raise SceneError(Problem(option, "Ray is not installed; install it by: pip install \"wsim[sweep]\", or leave both out: "
+        raise SceneError(Problem(option, "Ray is not installed; install it by: pip install -e \".[sweep]\", or leave both out: "
                                  "one process runs the same sweep"))
 
 

@@ -200,9 +200,11 @@ def _pairs(reading: Reading, found: Prims) -> list[tuple[Usd.Prim, Usd.Prim]]:
             reading.fail(body.GetPath(), f"is one deformable body with {len(sims)} simulation geometries ("
                          f"{', '.join(str(p.GetPath()) for p in sims)}); allowed is one: give each its own "
                          f"{names.BODY}")
-        elif not sims:
+        elif not sims and not any(api in names.FEATURES for api in applied(body)):
             reading.warn(body.GetPath(), f"has {names.BODY}, and neither it nor a direct child has a simulation API "
                          f"(such as {names.SURFACE_SIM}); it is left out")
+        elif not sims:
+            continue                                  # a feature that is not simulated: said so already
         elif read(body, "Body", "enabled") is False:
             reading.warn(body.GetPath(), "physics:bodyEnabled is off: it is left out")
         elif read(body, "Body", "kinematic"):

@@ -281,4 +281,12 @@ FOREIGN_SCHEMAS = {
 FOREIGN_TYPES = ("OmniPhysics", "PhysxPhysics")         # prims: OmniPhysicsVtxXformAttachment and its like
 FOREIGN_PREFIXES = {"omniphysics:": "physics:", "physxDeformable:": "physics:"}
 
+# Schemas of what wsim does not simulate, and what that is.
+FEATURES = {
+    "NewtonPointsDeformableSimAPI": "the material point method (sand, snow, jelly as particles)",
+    "PhysxParticleSystem": "the particles of PhysX", "PhysxParticleSetAPI": "the particles of PhysX",
+    "PhysxVehicleAPI": "the vehicles of PhysX", "MjcActuator": "an actuator of MuJoCo", "NewtonActuator": "an actuator",
+    "MjcTendon": "a tendon of MuJoCo", "MjcEqualityJointAPI": "a coupling of joints", "NewtonMimicAPI": "a coupling of joints",
+}
+
 NO_LIMIT = inf

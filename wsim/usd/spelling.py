@@ -68,7 +68,9 @@ def spelling(reading: Reading, prim: Usd.Prim) -> None:
 
 def _schema(reading: Reading, prim: Usd.Prim, name: str) -> None:
     """A type or an applied API."""
-    if name in FOREIGN_SCHEMAS:
+    if name in names.FEATURES:
+        reading.warn(prim.GetPath(), f"{name}: {names.FEATURES[name]} is not simulated")
+    elif name in FOREIGN_SCHEMAS:
         reading.warn(prim.GetPath(), f"{name} is not read; the current schema is {FOREIGN_SCHEMAS[name]}")
     elif name.startswith(FOREIGN_TYPES) and name.endswith("Attachment"):
         reading.warn(prim.GetPath(), f"{name} is not read; the current type is {names.ATTACHMENT}, with physics:type0 and "

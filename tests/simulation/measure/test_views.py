@@ -46,7 +46,7 @@ def test_materials_of_sheets_and_solids():
 @pytest.mark.parametrize("gradients", [False, True])
 def test_what_torch_writes_is_simulated(gradients):
     """Gravity, and the stiffness of each spring by way of its entries. Damping is kept beside it, and is 0 here."""
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install wsim[torch]")
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install -e .[torch]")
     sim, other = (make(net(integrator="leapfrog", damping=0.0), gradients) for _ in range(2))
     stiffness, views = np.linspace(30.0, 40.0, 11), arrays(sim)
     g, k = (torch.from_dlpack(views[name]) for name in ("gravity", "springs.stiffness"))
@@ -64,7 +64,7 @@ def test_what_torch_writes_is_simulated(gradients):
 
 
 def test_a_recording_begins_with_what_torch_writes():
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install wsim[torch]")
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install -e .[torch]")
     recording = Recording(make(net(integrator="leapfrog"), True), 1)
     v = torch.from_dlpack(arrays(recording)["velocities"])
     v[:] = 0.25
@@ -73,7 +73,7 @@ def test_a_recording_begins_with_what_torch_writes():
 
 def test_jax_shares_the_state():
     """And copies what begins where memory is not aligned to 64 bytes: velocities of 12 points do."""
-    jax = pytest.importorskip("jax", reason="JAX is not installed: pip install wsim[jax]")
+    jax = pytest.importorskip("jax", reason="JAX is not installed: pip install -e .[jax]")
     views = arrays(make(net(), precision="float32"))
     for name, shared in (("state", True), ("positions", True), ("gravity", True), ("velocities", False)):
         assert (jax.dlpack.from_dlpack(views[name]).unsafe_buffer_pointer() == views[name].array.ptr) == shared, name

@@ -20,7 +20,7 @@ def needed(suffix: str) -> None:
     """Raises SceneError where what writes such files is not installed: found out before anything is drawn."""
     missing = [name for name in NEEDS.get(suffix, ()) if find_spec(name) is None]
     if missing:
-        raise SceneError(Problem(suffix, f"{' and '.join(missing)} not installed; install by: pip install \"wsim[picture]\", "
+        raise SceneError(Problem(suffix, f"{' and '.join(missing)} not installed; install by: pip install -e \".[picture]\", "
                                  "or write .png or .apng"))
 
 

@@ -7,8 +7,8 @@ from pxr import Usd, UsdGeom
 
 from wsim.scene import Problem
 from wsim.scene.methods import METHODS
-from wsim.scene.solids import SOLIDS
 from wsim.usd import names
+from wsim.usd.stage import applied
 
 SEEN = 8              # meshes that are looked at: a set may have thousands
 
@@ -17,28 +17,27 @@ def nothing(stage: Usd.Stage, simulated: list, meshes: list, tet_meshes: list) -
     """The error of a stage with nothing to simulate."""
     file = stage.GetRootLayer().realPath or stage.GetRootLayer().identifier
     left_out = [str(prim.GetPath()) for prim in simulated]
-    text = "nothing in it can be simulated: no cloth, spring net or soft body" + (
-        f" (left out: {', '.join(left_out)})" if left_out else
-        f" (no prim has {names.BODY} and {names.SURFACE_SIM} or {names.VOLUME_SIM})")
+    found = [api for prim in stage.Traverse() for api in (*applied(prim), str(prim.GetTypeName()))]
+    missing = dict.fromkeys(names.FEATURES[api] for api in found if api in names.FEATURES)
+    text = "nothing in it can be simulated"
+    if missing:
+        text += f": {' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} not"
+    elif left_out:
+        text += f" (left out: {', '.join(left_out[:4])}{' ...' * (len(left_out) > 4)})"
     hints = [_hint(os.path.basename(file), *kind) for kind in (
         ("meshes", "cloth", meshes), ("closed meshes", "softbody", [m for m in meshes[:SEEN] if _closed(m)]),
         ("TetMeshes", "softbody", tet_meshes)) if kind[2]]
     if not hints:
-        hints = [f"A scene may hold: {'; '.join(could())}"] if not left_out else []
-        text += "; it has no Mesh and no TetMesh to make one of"
+        text += "; it has no Mesh"
+        hints = [f"A scene may hold {', '.join(could())}: see scenes/README.md"] if not (left_out or missing) else []
     return Problem(file, ". ".join([text, *hints]))
 
 
 def could() -> list[str]:
-    """Text of what a stage may hold and by which schemas it is found: a line for each kind of thing, those of methods by their
-    rows."""
-    shapes = ", ".join(dict.fromkeys(solid.written[0] for solid in SOLIDS))
-    ours = [("cloth", f"a Mesh with {names.BODY} and {names.SURFACE_SIM}"),
-            ("spring net", f"a BasisCurves with {names.BODY} and {names.WSIM_SPRINGS} or {names.CURVES_SIM}"),
-            ("soft body", f"a TetMesh with {names.BODY} and {names.VOLUME_SIM}"),
-            ("collider", f"{names.COLLISION} on {shapes}, Mesh or TetMesh"), ("pin or tie", names.ATTACHMENT),
-            ("load", names.WSIM_LOAD)]
-    rows = [(name.lower(), " or ".join(row.claims)) for row in METHODS for name in row.owns if row.claims]
+    """What a stage may hold that can be simulated, those of methods by their rows: each with the schema that it is found by."""
+    ours = [("cloth", names.SURFACE_SIM), ("soft bodies", names.VOLUME_SIM), ("rods", names.CURVES_SIM)]
+    rows = [("rigid bodies" if row.name == "rigid" else row.name, row.claims[0])
+            for row in METHODS if row.claims and not row.posed]
     return [f"{what} ({how})" for what, how in [*ours, *rows]]
 
 
