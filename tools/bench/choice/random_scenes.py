@@ -62,7 +62,8 @@ def sheet(rng, size: float, count: int, mesh: str) -> tuple[np.ndarray, np.ndarr
         flat = np.concatenate([flat, flat[some] + TWIN * step * np.c_[np.cos(angle), np.sin(angle)]])
     triangles = Delaunay(flat).simplices
     a, b, c = (flat[triangles[:, j]] for j in range(3))
-    area = np.abs(np.cross(b - a, c - a))
+    u, v = (b - a).T, (c - a).T
+    area = np.abs(u[0] * v[1] - u[1] * v[0])
     triangles = triangles[area > 1e-6 * step * step]                    # what rounding leaves along a straight rim
     return np.c_[flat[:, 0] - 0.5 * size, 0.0 * flat[:, 0], 0.5 * size - flat[:, 1]], triangles
 

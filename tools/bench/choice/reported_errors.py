@@ -1,13 +1,15 @@
 """The error that a run reports beside its true one, in random scenes (`tools.bench.choice.random_scenes`) of default settings.
 
-    python -m tools.bench.choice.reported_errors --references DIR [--scenes 0-39] [--seed 0] [--jobs 1] [--make] [--json FILE]
+    python -m tools.bench.choice.reported_errors --references DIR [--scenes 0-39] [--seed 0] [--jobs 1] [--make] [--paired]
+        [--json FILE]
 
     reference   leapfrog in float64 of n and 2 n substeps, n twice those that are stable or a substep of COARSE; kept in DIR,
                 where `--make` makes those that are not there yet
     apart       largest RMS difference of the two over the frames, over the scene's size
     true        the same of the default run and the finer reference;   said   what its report calls predicted error
     strain      largest of an edge in a frame, worst ratio to the reference's, and what was warned of
-    ms          CPU milliseconds of a frame, of all threads, without the first
+    ms          CPU milliseconds of a frame, of all threads, without the first; with `--paired` over those of a run beside it,
+                frame by frame in turn, that estimates neither errors nor strains
 """
 
 import argparse
@@ -41,16 +43,20 @@ def strain(sim: Simulation) -> float:
     return max(float(edge_strain(b, x).max(initial=0.0)) for b in sim.model.bodies if len(b.edges))
 
 
-def track(sim: Simulation, frames: int, cut: int = 1) -> tuple[np.ndarray, np.ndarray, list[float]]:
-    """Positions (frames, n, 3) [m] and strain of each frame, of `cut` simulated ones; CPU seconds of each."""
-    kept, strains, spent = [], [], []
-    for _ in range(frames):
-        began = time.process_time()
-        sim.run(cut)
-        spent.append(time.process_time() - began)
+def track(sim: Simulation, frames: int, cut: int = 1, bare: Simulation | None = None
+          ) -> tuple[np.ndarray, np.ndarray, list[float], list[float]]:
+    """Positions (frames, n, 3) [m] and strain of each frame, of `cut` simulated ones; CPU seconds of each, and of each of
+    `bare`, which is stepped in turn."""
+    kept, strains, spent, beside = [], [], list[float](), list[float]()
+    for k in range(frames):
+        for each, times in ((bare, beside), (sim, spent))[::1 - 2 * (k % 2)]:
+            if each:
+                began = time.process_time()
+                each.run(cut)
+                times.append(time.process_time() - began)
         kept.append(places(sim))
         strains.append(strain(sim))
-    return np.array(kept), np.array(strains), spent
+    return np.array(kept), np.array(strains), spent, beside
 
 
 def reference(scene: Scene, frames: int) -> dict:
@@ -63,7 +69,7 @@ def reference(scene: Scene, frames: int) -> dict:
         cut = -(-many // LONGEST)
         short = replace(explicit, fps=scene.fps * cut, substeps=-(-many // cut))
         sim = Simulation(short, device="cpu", precision="float64")
-        found[name], found[f"{name}_strain"], _ = track(sim, frames, cut)
+        found[name], found[f"{name}_strain"], *_ = track(sim, frames, cut)
     found["apart"] = distance(found.pop("coarse"), found["fine"])
     return found
 
@@ -87,14 +93,17 @@ def distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(np.sum((a - b)**2, axis=-1), axis=-1))
 
 
-def row(k: int, seed: int, folder: Path, device: str) -> dict:
+def row(k: int, seed: int, folder: Path, device: str, paired: bool) -> dict:
     """The default run of a scene beside its reference."""
     scene = drawn(k, seed)
     kept = np.load(folder / f"{seed}_{k}.npz")
     began = time.process_time()
     sim = Simulation(scene.scene, device=device)
     build = time.process_time() - began
-    x, strains, spent = track(sim, scene.frames)
+    bare = Simulation(scene.scene, device=device) if paired else None
+    if bare:
+        bare.measured = False
+    x, strains, spent, beside = track(sim, scene.frames, bare=bare)
     report, over = sim.report(False), size(scene.scene)
     both = np.maximum(strains, 1e-3) / np.maximum(kept["fine_strain"], 1e-3)
     worst = int(np.argmax(np.abs(np.log(both))))
@@ -104,7 +113,9 @@ def row(k: int, seed: int, folder: Path, device: str) -> dict:
             "apart": float(kept["apart"].max() / over), "true": float(error.max()),
             "last": float(error[-1]), "said": report["predicted"]["error"], "sensitive": report["predicted"].get("sensitive"),
             "strain": float(strains[worst]), "right": float(kept["fine_strain"][worst]), "ratio": float(both[worst]),
-            "ms": 1e3 * float(np.mean(spent[1:])), "build": build, "warnings": [str(w) for w in report["warnings"]]}
+            "ms": 1e3 * float(np.mean(spent[1:])), "build": build,
+            "bare_ms": 1e3 * float(np.mean(beside[1:])) if paired else None,
+            "strains": sim.settled.found if sim.settled else [], "warnings": [str(w) for w in report["warnings"]]}
 
 
 HEAD = (f"{'':>3} {'solver':<9}{'steps':>6} {'apart':>8} {'true':>8} {'last':>8} {'said':>8} {'/true':>6} {'strain':>7} "
@@ -115,8 +126,12 @@ def line(r: dict) -> str:
     mark = "sensitive" if apart(r) else "LIES" if r["true"] > r["said"] else ""
     return (f"{r['scene']:>3} {r['solver']:<9}{r['steps']:>4}x{r['iterations']} {r['apart']:>8.1e} {r['true']:>8.1e} "
             f"{r['last']:>8.1e} {r['said']:>8.1e} {r['said'] / r['true']:>6.2f} {r['strain']:>7.3f} {r['right']:>7.3f} "
-            f"{r['ms']:>6.1f}  {r['what']} {mark} {'; said sensitive' if r['sensitive'] else ''} "
+            f"{r['ms']:>6.1f}{_times(r)}  {r['what']} {mark} {'; said sensitive' if r['sensitive'] else ''} "
             f"{len(r['warnings']) or ''}")
+
+
+def _times(r: dict) -> str:
+    return f" {r['ms'] / r['bare_ms']:.2f}x" if r["bare_ms"] else ""
 
 
 def apart(r: dict) -> bool:
@@ -124,12 +139,15 @@ def apart(r: dict) -> bool:
 
 
 def summary(rows: list[dict]) -> str:
-    good = [r for r in rows if not apart(r)]
+    good, parted = [r for r in rows if not apart(r)], [r for r in rows if apart(r)]
     ratio = np.array([r["said"] / r["true"] for r in good])
-    return (f"{len(good)} scenes, {len(rows) - len(good)} sensitive ones apart: true error at most the reported one in "
+    beside = sum(r["bare_ms"] or 0.0 for r in rows)
+    spent = sum(r["ms"] for r in rows)
+    return (f"{len(good)} scenes, {len(parted)} sensitive ones apart: true error at most the reported one in "
             f"{int((ratio >= 1.0).sum())}, over {FAR:g} times it in {int((ratio < 1.0 / FAR).sum())}; reported over true "
-            f"{np.median(ratio):.2g} in the median, {ratio.min():.2g} to {ratio.max():.3g}; "
-            f"{sum(r['ms'] for r in rows):.0f} ms a frame of all")
+            f"{np.median(ratio):.2g} in the median, {ratio.min():.2g} to {ratio.max():.3g}; said sensitive of those apart "
+            f"{sum(bool(r['sensitive']) for r in parted)}, of the others {sum(bool(r['sensitive']) for r in good)}; "
+            f"{spent:.0f} ms a frame of all" + (f", {spent / beside:.2f} times that without estimates" if beside else ""))
 
 
 def numbers(said: str) -> list[int]:
@@ -145,6 +163,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--references", type=Path, required=True)
     parser.add_argument("--make", action="store_true")
+    parser.add_argument("--paired", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--json", type=Path)
@@ -159,7 +178,7 @@ def main() -> None:
     print(HEAD)
     for k in numbers(given.scenes):
         if (given.references / f"{given.seed}_{k}.npz").exists():
-            rows.append(row(k, given.seed, given.references, given.device))
+            rows.append(row(k, given.seed, given.references, given.device, given.paired))
             print(line(rows[-1]), flush=True)
             if given.json:
                 given.json.write_text("[" + ",\n".join(json.dumps(r) for r in rows) + "]\n")

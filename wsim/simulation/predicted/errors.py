@@ -1,7 +1,7 @@
 """RMS error [m] that each solver is predicted to leave after a fall through a body's size L, T = sqrt(2 L / g), before any is
 run: with steps h, tau = sqrt(L / g), omega the highest frequency of the scene,
 
-    leapfrog           LEAP g h^2, of what the wind moves LEAP (g + a) (1 + c T) h^2 (`_aired`), DRAGGED c L h of a fabric's own
+    leapfrog           LEAP g h^2, of what the wind moves LEAP (g + a) (1 + c T) h^2 (`aired`), DRAGGED c L h of a fabric's own
                        drag c, and what float32 rounds; on colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L
                        where slivers have more mass
     backward Euler     DRIFT h sqrt(g L) on what falls and swings, EULER on colliders
@@ -113,7 +113,7 @@ def leapfrog(model: Model, bodies: list[Fall], h: float) -> float:
     """Error of leapfrog where it is stable [m]."""
     hit = drift(bodies, h, HIT) if collides(model.scene) else 0.0
     own = max((LEAP * (b.g + a) * (1.0 + c * (2.0 * b.size / b.g)**0.5) * h * h
-               for b, (a, c) in zip(bodies, _aired(model), strict=True)), default=0.0)
+               for b, (a, c) in zip(bodies, aired(model), strict=True)), default=0.0)
     return own + ROUNDED * size(model) + hit + slowed(model, bodies, h)
 
 
@@ -123,7 +123,7 @@ def slowed(model: Model, bodies: list[Fall], h: float, more: float = 0.0) -> flo
     return DRAGGED * rate * h * max((b.size for b in bodies), default=0.0)
 
 
-def _aired(model: Model) -> list[tuple[float, float]]:
+def aired(model: Model) -> list[tuple[float, float]]:
     """Acceleration a [m/s^2] that the wind gives each body of `falls`, and the rate c [1/s] at which the air takes the body
     with it, of quadratic drag 2 a / speed: what sways in it errs by 1 + c T of what hangs."""
     found, scene = [], model.scene

@@ -7,7 +7,7 @@ frames before as well: a cloth that sweeps let hang too low has stored that stra
 substeps do not take it back (1 to 8 substeps of 4 x 20, 8 x 20 and 4 x 80 of ten scenes: the twisted cloth stays at 20 %, where
 a converged run has 1).
 
-Measured in 51 estimates of random scenes (tools/bench/choice/reported_errors.py): 0.9 to 8 times the converged strain in four of
+Measured in 51 estimates, random scenes (tools/bench/choice/reported_errors.py): 0.9 to 8 times the converged strain in four of
 five, 1.7 in the median. The shirt on its dummy by XPBD 213 x 1 (tools/bench/choice/peak_strains.py), frames 3, 6 and 12: 64, 22
 and 23 %, estimated 11, 8.7 and 8.7, converged 8.6, 6.0 and 4.7.
 """

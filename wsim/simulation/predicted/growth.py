@@ -1,0 +1,126 @@
+"""Growth of small differences in a run, and the error of leapfrog, measured as the run goes.
+
+A point that moves across its sheet by u is driven back by u sum_e T_e, T_e = f_e / l_e the tension of its edges [N/m]: of
+springs k strain, of a sheet stretch strain + bend (pi / l)^2. Where the sum is negative u grows as exp(sigma t),
+
+    sigma^2 = -sum_e T_e / m,    growth = exp(integral of r dt),    r = (s^2 + c^2 / 4)^(1/2) - c / 2,    s = GROWS RMS sigma
+
+in air that takes the body with it at the rate c [1/s]. Leapfrog of steps h errs, over the size L, by the sum of
+
+    p       LEAP g h^2 / L + (c h / 2) w / L: the air's force is that of the last half step's speed, of order 1; w is the way
+            that the points have gone (RMS speed, summed). SLIVERS where slivers have more mass, and what float32 rounds
+    hits    HIT h v / L once something touches a collider, v the largest RMS speed since the frame before: met at some time
+            of a step
+    folds   a SHARE of what p gains in each frame, and SEED, times the growth from there on; at most FOLD edges
+
+Measured (tools/bench/choice/reported_errors.py; random meshes, nets, soft bodies on and off colliders): the logarithm of the
+growth of a perturbation that two runs show is 0.4 to 1.4 times what is said where that is above 3.
+"""
+
+from math import exp, sqrt
+
+import numpy as np
+
+from wsim.kernels.contact.project import TOUCHED
+from wsim.model.model import edge_lengths
+from wsim.scene import Cloth
+from wsim.simulation.measure.indicators import edge_strain
+from wsim.simulation.predicted import errors
+
+GROWS = 0.81           # points of a sheet do not move one by one, and compression comes and goes
+SEED = 1e-7            # over the size: what float32 leaves in a frame is 1e-8 to 3e-8
+SHARE = 0.3            # of the error that steps make, which is across the sheet
+FOLD = 1.0             # folds that come out differently differ by 0.04 to 0.8 edges, in crumpled sheets by 4
+HIT = 1.5              # cloths and soft bodies that fall on colliders, RMS error over h v / L: 0.04 to 1.3; a cube that
+                       # a box throws up, 8
+SHEETS, TETS = 1e-6, 5e-6      # error over L that float32 leaves in 6 to 13 frames: 1e-7 to 1e-6, and 6e-7 to 5.5e-6
+
+
+class Growth:
+    """Growth of small differences since a run began; sums are over its frames.
+
+    factor      growth of a difference that was there at the start
+    air         rate [1/s] at which the air takes a body with it, the largest
+    grown       what has grown from SEED and from a share of the errors of leapfrog, over the size
+    """
+
+    def __init__(self, sim):
+        self.model, self.dt, self.size = sim.model, 1.0 / sim.scene.fps, errors.size(sim.model)
+        self.edge = max(b.size / b.row for b in errors.falls(sim.model)) / self.size
+        self.air = max(c for _, c in errors.aired(sim.model))
+        self.exponent, self.grown = 0.0, SEED
+
+    @property
+    def factor(self) -> float:
+        return exp(min(self.exponent, 300.0))
+
+    @property
+    def folded(self) -> bool:
+        """True where folds come out differently on another device, or with other steps."""
+        return self.grown >= FOLD * self.edge
+
+    def look(self, x: np.ndarray, error: float = 0.0) -> None:
+        """Looks at positions (points, 3) [m] at the end of a frame; error: that its steps made, over the size."""
+        s, half = GROWS * instability(self.model, x), 0.5 * self.air
+        grows = (sqrt(s * s + half * half) - half) * self.dt
+        self.exponent += grows
+        self.grown = self.grown * exp(min(grows, 300.0)) + SHARE * error
+
+
+class Leapfrog(Growth):
+    """The error of a run of leapfrog so far."""
+
+    def __init__(self, sim):
+        super().__init__(sim)
+        choice, bodies = sim.plan.choice, errors.falls(sim.model)
+        self.h, self.way, self.speed, self.fastest = self.dt / choice.steps, 0.0, 0.0, 0.0
+        self.smooth = errors.LEAP * max(b.g for b in bodies) * self.h**2 / self.size + choice.slowed * errors.SLIVERS
+        self.rounded = TETS if any(len(b.tets) for b in sim.model.bodies) else SHEETS
+        self.touched, self.before = False, 0.0
+
+    @property
+    def steps(self) -> float:
+        """Error p of its steps."""
+        return self.smooth + 0.5 * self.air * self.h * self.way
+
+    @property
+    def error(self) -> float:
+        """Over the size."""
+        return self.rounded + self.steps + HIT * self.h * self.fastest + min(self.grown, FOLD * self.edge)
+
+    def follow(self, sim, x: np.ndarray) -> None:
+        """Looks at the end of a frame of positions x (points, 3) [m]."""
+        speed = float(np.sqrt((sim.state.v.numpy().astype(np.float64)**2).sum(axis=1).mean())) / self.size
+        self.way += speed * self.dt
+        self.touched = self.touched or touches_collider(sim)
+        if self.touched:
+            self.fastest = max(self.fastest, speed, self.speed)
+        self.speed = speed
+        self.look(x, self.steps - self.before)
+        self.before = self.steps
+
+
+def touches_collider(sim) -> bool:
+    """Whether a point touches a collider where the frame ends, or may have within it: the device saw one come near."""
+    mark = sim.state.points.arrays.get("mark")
+    met = sim.forms["free"] > 0 and not sim.plan.clock.free
+    return met or mark is not None and bool((mark.numpy() & TOUCHED).any())
+
+
+def instability(model, x: np.ndarray) -> float:
+    """Largest RMS over the points of a body of sigma [1/s] at positions x (points, 3) [m]; soft bodies have none of it."""
+    found = 0.0
+    for body in (b for b in model.bodies if len(b.edges) and not len(b.tets)):
+        rest = edge_lengths(body)
+        good = rest > 0.0
+        ends, length = (body.edges - body.first)[good], rest[good]
+        strain, source = edge_strain(body, x), body.source
+        if isinstance(source, Cloth):
+            stretch = source.material.stretch if source.stretches is None else float(np.mean(source.stretches))
+            tension = stretch * strain + source.material.bend * (np.pi / length)**2
+        else:
+            tension = float(np.mean(source.stiffness)) * strain
+        across = np.bincount(ends[:, 0], tension, body.count) + np.bincount(ends[:, 1], tension, body.count)
+        free = body.masses > 0.0
+        found = max(found, float(np.sqrt(np.mean(np.maximum(-across[free] / body.masses[free], 0.0)))))
+    return found
