@@ -40,7 +40,9 @@ def pytest_collection_modifyitems(config, items):
     """Marks what a table of measured times names, before `-m` chooses."""
     here = Path(__file__).parent
     for item in items:
-        if item.name in SLOW.get(item.path.relative_to(here).as_posix(), ()):
+        test, _, row = item.name.partition("[")
+        rows = SLOW.get(item.path.relative_to(here).as_posix(), {}).get(test)
+        if rows is not None and (not rows or row[:-1] in rows):
             item.add_marker(pytest.mark.slow)
 
 
