@@ -18,6 +18,8 @@ from wsim.simulation import retry
 from wsim.simulation.measure.reaction import every
 from wsim.simulation.simulation import Simulation
 
+WEIGHTS = ("mass", "inertia")           # with which momenta, which the state has, change and velocities do not
+
 
 class Broken(Exception):
     """A copy stopped being a number, or could not go on, in `frame`."""
@@ -53,6 +55,7 @@ class Aside:
     frame: int
     starting: bool
     arrays: list[np.ndarray]
+    values: np.ndarray | None = None            # of the copies then, (worlds, parameters); None: those of the scene
 
 
 class Copies:
@@ -81,6 +84,7 @@ class Copies:
         clock = sim.plan.clock
         clock.touching = True                            # what one copy does must not depend on what others touch
         self.plan, self.substeps, self.steps, self.scheme = sim.plan, clock.substeps, clock.steps, clock.integrator
+        self.values: np.ndarray | None = None
         self.arrays = kept(sim)
         self.saved = [wp.clone(a) for a in self.arrays]
 
@@ -92,6 +96,7 @@ class Copies:
             sim.reset()
             self.keep()
             return
+        self._weigh_as_at_first()
         for array, saved in zip(self.arrays, self.saved, strict=True):
             wp.copy(array, saved)
         if clock.substeps != self.substeps:
@@ -99,6 +104,15 @@ class Copies:
         clock.starting, sim.frame = True, 0
         sim.changes.clear()
         sim.milliseconds.clear()
+
+    def _weigh_as_at_first(self) -> None:
+        """Values of the scene in all copies: momenta among the arrays that were kept are those of its masses."""
+        for p in self.parameters:
+            for path, name, value in p.live(self.scene):
+                if name in WEIGHTS:
+                    for method in self.sim.plan.methods:
+                        method.set(path, name, value, None)
+        self.values = None
 
     def begin(self, values: np.ndarray) -> None:
         """Sets the copies back to the start, world k with the row k of values (worlds, parameters)."""
@@ -117,22 +131,28 @@ class Copies:
 
     def aside(self) -> Aside:
         """The state now."""
-        return Aside(self.sim.frame, self.sim.plan.clock.starting, [array.numpy().copy() for array in self.arrays])
+        return Aside(self.sim.frame, self.sim.plan.clock.starting, [array.numpy().copy() for array in self.arrays],
+                     self.values)
 
     def enter(self, values: np.ndarray, state: Aside | None) -> None:
         """Goes on from a state with other values; None: from the start."""
-        self.put(values)
+        if state is None or state.values is None:
+            self._weigh_as_at_first()
+        else:
+            self.put(state.values)
         for k, (array, saved) in enumerate(zip(self.arrays, self.saved, strict=True)):
             if state is None:
                 wp.copy(array, saved)
             else:
                 array.assign(state.arrays[k])
         self.sim.frame, self.sim.plan.clock.starting = (state.frame, state.starting) if state else (0, True)
+        self.put(values)
         self.sim.changes.clear()
 
     def put(self, values: np.ndarray) -> list[str]:
         """Values of every world (worlds, parameters) into the running copies; names of what was set."""
         sim, given = self.sim, {}
+        self.values = np.array(values)
         for world, row in enumerate(values):
             scene = self.scene
             for p, value in zip(self.parameters, row, strict=True):

@@ -152,6 +152,12 @@ def begin_again(sim: Simulation, worlds: set[int], held: bool = False) -> None:
     points = sim.plan.find("points")
     if points is not None:
         points.hold(one.plan.find("points").constants.w.numpy(), worlds, held)
+    bodies, first = sim.plan.find("bodies"), one.plan.find("bodies")
+    if bodies is not None and {m.mass for m in bodies.masses} != {m.mass for m in first.masses}:
+        for (body, _), v, w in zip(first.bodies, first.velocities(), first.spins(), strict=True):
+            for name, value in (("velocity", 0.0 * v if held else v), ("spin", 0.0 * w if held else w)):
+                for world in worlds:                          # momenta at the start are those of the scene's masses
+                    bodies.set(body.path, name, value, world)
     sim.balance = None
     if not held:
         for world in worlds:

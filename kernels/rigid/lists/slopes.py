@@ -16,8 +16,9 @@ SAMPLES = wp.constant(48)          # 12 directions of 4
 
 
 def slopes(pairs, real, module):
-    """Kernel over (rows, SAMPLES): n and x (4 rows, SAMPLES), gap with 1 where it is there (4 rows, SAMPLES). step: [rad],
-    and of a size [m]; size (rows): that, and the gap up to which points are kept [m]."""
+    """Kernel over (rows, SAMPLES): n and x (4 rows, SAMPLES), gap with 1 where it is there (4 rows, SAMPLES). step: a part of
+    sizes. size (rows): of the smaller shape [m], the gap up to which points are kept [m], and a turn [rad] that moves points by
+    that size at most."""
     t = types(real)
     Rig, Hulls = whole(real), hulls(real)
     found, posed = narrow(pairs, real), posing(real)[1]
@@ -33,7 +34,7 @@ def slopes(pairs, real, module):
             out = t.transform(about, q) * t.transform(-about, t.quat(real(0.0), real(0.0), real(0.0), real(1.0))) * pose
         return out
 
-    def rigid_slopes(rig: Rig, H: Hulls, k: int, step: real, size: wp.array(dtype=t.vec2),
+    def rigid_slopes(rig: Rig, H: Hulls, k: int, step: real, size: wp.array(dtype=t.vec3),
                      n: wp.array2d(dtype=t.vec3), x: wp.array2d(dtype=t.vec3), gap: wp.array2d(dtype=t.vec2)):
         m, s = wp.tid()
         d = s // 4
@@ -45,11 +46,12 @@ def slopes(pairs, real, module):
             p = posed(m, k, rig)
             pose_a = p.pose_a
             pose_b = p.pose_b
-            turn = steps * step
+            much = steps * step * size[m][0]
+            turn = steps * step * size[m][2]
             if d < 6:
-                pose_a = nudged(pose_a, t.vec3(), d, turn * size[m][0], turn)
+                pose_a = nudged(pose_a, t.vec3(), d, much, turn)
             else:
-                pose_b = nudged(pose_b, p.x_b, d - 6, turn * size[m][0], turn)
+                pose_b = nudged(pose_b, p.x_b, d - 6, much, turn)
             f = found(p.a, p.b, H, pose_a, pose_b, size[m][1])
             for i in range(4):
                 at = 4 * m + i

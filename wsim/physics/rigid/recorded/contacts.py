@@ -20,7 +20,7 @@ from wsim.physics.rigid.recorded.local import Values, derivatives, residual
 from wsim.physics.rigid.recorded.substep import Bodies, Cotangents, Elements, behind, within
 from wsim.scene.values.coverage import refuse
 
-STEP = 1.0e-4              # of sizes, and [rad], of differences
+STEP = 1.0e-4              # of sizes, of differences
 MOST = 64                  # rounds of impacts
 LIST = ("n", "skin", "core_a", "core_b", "first_a", "first_b", "gap", "from_a", "from_b", "rim")
 FOUR = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0              # weights of -2, -1, 1, 2 steps
@@ -237,20 +237,22 @@ class ContactParts:
         """Derivatives (points, 24, 12) of geo by the poses of both bodies where manifolds were made."""
         c, real = self.contacts, self.recorded.model.real
         t, device, room = types(real), c.device, c.room
-        narrow = self.sampled(m, room, t, real, device)
-        d = narrow.reshape(len(m.at), 7, 12)
         q = self.sides(m.q, kept["still"][0]["q"], m)
         origin = c.table.origin.numpy()[m.frames]
         x = self.sides(m.x, kept["still"][0]["x"], m)
         apart = origin[:, 1] + x[1] - origin[:, 0] - x[0]
         mid = m.geo[:, GEO_FIRST_A] - (0.5 * m.geo[:, 15:16] + m.surface.skin[:, :1]) * m.geo[:, :3]
+        levers = np.maximum(np.linalg.norm(mid, axis=1), np.linalg.norm(mid - apart, axis=1))
+        narrow = self.sampled(m, levers, room, t, real, device)
+        d = narrow.reshape(len(m.at), 7, 12)
         values = {"n": m.geo[:, :3], "x": mid, "gap": m.geo[:, 15:16], "pose": np.zeros((len(m.at), 12))}
         J = derivatives(lambda v: made(v, (q[0], q[1]), m.surface, m.geo[:, 22:24] > 0.0, apart), values)
         own = np.concatenate([J["geo", "n"], J["geo", "x"], J["geo", "gap"]], axis=2)
         return J["geo", "pose"] + own @ d
 
-    def sampled(self, m: Manifolds, room: int, t: Any, real, device) -> np.ndarray:
-        """Derivatives (points, 7, 12) of n, x, gap by the poses. Raises SceneError for a point that is lost."""
+    def sampled(self, m: Manifolds, levers: np.ndarray, room: int, t: Any, real, device) -> np.ndarray:
+        """Derivatives (points, 7, 12) of n, x, gap by the poses. levers: of points about frames [m]. Raises SceneError for a
+        point that is lost."""
         c, method = self.contacts, self.recorded.method
         part = method.part.arrays
         now = {name: part[name].numpy() for name in ("x", "q")}
@@ -265,8 +267,11 @@ class ContactParts:
         size = np.where(np.isfinite(size), size, 1.0)
         near = np.full(room, -np.inf)
         np.maximum.at(near, m.at // 4, m.geo[:, 15])
-        limits = np.stack([size, near + 8.0 * STEP * size], axis=1).astype(method.model.dtype)
-        sizes = wp.array(limits, dtype=t.vec2, device=device)
+        far = size.copy()
+        np.maximum.at(far, m.at // 4, levers)
+        turn = size / far                              # far from a frame, a turn moves points no more than a shift does
+        limits = np.stack([size, near + 8.0 * STEP * size, turn], axis=1).astype(method.model.dtype)
+        sizes = wp.array(limits, dtype=t.vec3, device=device)
         n, x = (wp.zeros((4 * room, int(SAMPLES)), dtype=t.vec3, device=device) for _ in range(2))
         gap = wp.zeros((4 * room, int(SAMPLES)), dtype=t.vec2, device=device)
         wp.launch(self.slopes, (room, int(SAMPLES)), [c.rig(), c.hulls, m.k, STEP, sizes], [n, x, gap], device=device)
@@ -278,7 +283,7 @@ class ContactParts:
         if (lost := gaps[..., 1] == 0.0).any():
             k = m.frames[np.argwhere(lost)[0, 0]].min()
             raise refuse("features", method.bodies[k][0].path)
-        steps = STEP * np.where(np.arange(12) % 6 < 3, size[m.at // 4][:, None], 1.0)
+        steps = STEP * np.where(np.arange(12) % 6 < 3, size[m.at // 4][:, None], turn[m.at // 4][:, None])
         every = np.concatenate([n.numpy()[m.at], x.numpy()[m.at], gaps[..., :1]], axis=2)
         return np.einsum("pdso,s->pod", every.reshape(len(m.at), 12, 4, 7), FOUR) / steps[:, None, :]
 
