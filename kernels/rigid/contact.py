@@ -39,8 +39,9 @@ def structs(real):
         place: wp.array(dtype=t.transform)     # to the frame: of a body its centre of mass and principal axes
         ball: wp.array(dtype=real)             # radius of a ball about the shape's origin that holds it; < 0: it has no end
         skin: wp.array(dtype=real)             # radius of what is round
-        friction: wp.array(dtype=t.vec2)       # static, dynamic
-        restitution: wp.array(dtype=real)
+        friction: wp.array(dtype=t.vec2)       # static, dynamic; (shapes + (worlds - 1) stills,), see `surfaces`
+        restitution: wp.array(dtype=real)      # likewise
+        still: int                             # first shape of a collider that stands: those are in all worlds
         world: wp.array(dtype=int)             # -1: all
         origin: wp.array(dtype=wp.vec3d)       # of the frames, (bodies + colliders,), world
 
@@ -139,6 +140,39 @@ def whole(real):
         work: Work
 
     return Rig
+
+
+@cache
+def surfaces(real):
+    """Functions of friction and restitution of a manifold m. Those of a collider that stands are in the first world's row of
+    its shape, and of every further world behind all shapes."""
+    Rig = whole(real)
+
+    @wp.func
+    def surface_row(one: int, other: int, rig: Rig):
+        """Row of shape `one` as it meets shape `other`."""
+        world = rig.s.world[other]
+        count = rig.s.world.shape[0]
+        row = one
+        if one >= rig.s.still and world > 0:
+            row = count + (world - 1) * (count - rig.s.still) + one - rig.s.still
+        return row
+
+    @wp.func
+    def friction_of(m: int, rig: Rig):
+        """Static and dynamic: the mean of both shapes."""
+        a = surface_row(rig.c.a[m], rig.c.b[m], rig)
+        b = surface_row(rig.c.b[m], rig.c.a[m], rig)
+        return real(0.5) * (rig.s.friction[a] + rig.s.friction[b])
+
+    @wp.func
+    def restitution_of(m: int, rig: Rig):
+        """The larger of both shapes."""
+        a = surface_row(rig.c.a[m], rig.c.b[m], rig)
+        b = surface_row(rig.c.b[m], rig.c.a[m], rig)
+        return wp.max(rig.s.restitution[a], rig.s.restitution[b])
+
+    return friction_of, restitution_of
 
 
 @cache

@@ -14,7 +14,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.complementarity.impact_time import behind
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.contact import surfaces, whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
 from wsim.kernels.rigid.soft_step import goals
@@ -64,7 +64,7 @@ def impacts(kind: Kind, meet, real, met: float = MET, rounds: int = ROUNDS, time
 @cache
 def marks(real, met: float = MET, timed: bool = False):
     """(mark, strike): functions of a contact m, a look and a sweep; they tell by a flag what is left to do."""
-    t, Rig = types(real), whole(real)
+    t, Rig, (friction_of, restitution_of) = types(real), whole(real), surfaces(real)
     _, _, begun, _, pushed, ended, slip, rubbed = formulas(real)
     fastest = goals(real)[1]
 
@@ -78,7 +78,7 @@ def marks(real, met: float = MET, timed: bool = False):
     @wp.func
     def marked(m: int, k: int, h: real, rig: Rig):
         """Whether a point of manifold m is thrown back in this round; their goals."""
-        e = wp.max(rig.s.restitution[rig.c.a[m]], rig.s.restitution[rig.c.b[m]])
+        e = restitution_of(m, rig)
         some = bool(False)
         two = begun(m, k, rig)
         n = rig.c.n[m]
@@ -106,7 +106,7 @@ def marks(real, met: float = MET, timed: bool = False):
         """One sweep over manifold m; the largest miss, as a part of the goal's own size."""
         two = begun(m, k, rig)
         n = rig.c.n[m]
-        mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
+        mu = friction_of(m, rig)
         miss = real(0.0)
         A = rig.work.A[m]
         for i in range(rig.c.count[m]):

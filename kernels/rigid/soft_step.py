@@ -34,7 +34,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.complementarity.drift import holding
 from wsim.kernels.rigid.complementarity.manifold_impulse import impulses
-from wsim.kernels.rigid.contact import manifolds, whole
+from wsim.kernels.rigid.contact import manifolds, surfaces, whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind
 from wsim.kernels.rigid.motion import double, double3, free_rotation, kicked, near
@@ -105,7 +105,7 @@ def bending(real):
 @cache
 def sweeps(real, exact: bool = False):
     """(warm, solve): functions of a manifold m. exact: of the converged mode, whose adjoint has points go straight."""
-    t, Rig = types(real), whole(real)
+    t, Rig, friction_of = types(real), whole(real), surfaces(real)[0]
     Two, _, begun, shoved, pushed, ended, slip, rubbed = formulas(real)
     together, (goal, fastest), (bends, bend), hold = impulses(real), goals(real), bending(real), holding(real)
 
@@ -179,7 +179,7 @@ def sweeps(real, exact: bool = False):
             arcs = biased == 1 and bends(two, h)
             two = along(two, m, count, h, biased, arcs, rig)
             n = rig.c.n[m]
-            mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
+            mu = friction_of(m, rig)
             for i in range(count):
                 j = 4 * m + i
                 was = rig.c.rub[j]

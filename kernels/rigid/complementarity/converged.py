@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 
 import warp as wp
 
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.contact import surfaces, whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind, at_once
 from wsim.kernels.rigid.passes import over_bodies, walks
@@ -27,7 +27,7 @@ FINE = 1.0e-12             # part of the speed to which the sweeps of an impact 
 
 def missed(real):
     """Function of a contact m: its residual goes into `residual`."""
-    Rig, (goal, fastest) = whole(real), goals(real)
+    Rig, (goal, fastest), friction_of = whole(real), goals(real), surfaces(real)[0]
     _, _, begun, _, _, _, slip, rubbed = formulas(real)
 
     @wp.func
@@ -36,7 +36,7 @@ def missed(real):
         if count > 0:
             two = begun(m, k, rig)
             n = rig.c.n[m]
-            mu = real(0.5) * (rig.s.friction[rig.c.a[m]] + rig.s.friction[rig.c.b[m]])
+            mu = friction_of(m, rig)
             A = rig.work.A[m]
             most = real(0.0)
             for i in range(4):

@@ -39,14 +39,19 @@ def rows_of(contacts, path: str, name: str, world: int | None) -> list[int]:
 
 
 def read(contacts, name: str) -> np.ndarray:
-    """(shapes,) of a friction or of restitution."""
+    """(shapes,) of a friction or of restitution, in the first world."""
     table = contacts.table
-    return table.restitution.numpy() if name == "restitution" else table.friction.numpy()[:, SURFACE.index(name)]
+    found = table.restitution.numpy() if name == "restitution" else table.friction.numpy()[:, SURFACE.index(name)]
+    return found[:contacts.shapes]
 
 
 def put(contacts, path: str, name: str, value: float, world: int | None) -> bool:
-    """Sets it; colliders that stand are those of all worlds."""
-    rows = rows_of(contacts, path, name, world)
+    """Sets it of a body or collider, of one world or of all (None)."""
+    still = contacts.table.still
+    rows = [k for k in rows_of(contacts, path, name, world) if k < still or world in (None, 0)]
+    rows += [contacts.shapes + (of - 1) * (contacts.shapes - still) + k - still         # see kernels/rigid/contact.py, surfaces
+             for k in rows_of(contacts, path, name, world) if k >= still
+             for of in range(1, contacts.model.worlds) if world in (None, of)]
     if rows:
         array = contacts.table.restitution if name == "restitution" else contacts.table.friction
         values = array.numpy()

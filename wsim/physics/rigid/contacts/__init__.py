@@ -94,7 +94,7 @@ class Contacts:
         places = np.concatenate([places_of([method.masses[k] for k, _, _ in self.owners], [c for _, _, c in self.owners],
                                            centers[:mine]),
                                  np.hstack([centers[mine:], np.tile([0.0, 0, 0, 1], (len(forms_of) - mine, 1))])])
-        self.shapes = len(rows_of)
+        self.shapes, with_worlds = len(rows_of), rows_of + rows_of[mine:] * (self.model.worlds - 1)
         solid = {k: met.hull for k, met in enumerate(forms_of) if met.hull is not None}
         meshes = {k: met.mesh for k, met in enumerate(forms_of) if met.mesh is not None}
         number = {k: place for of in (solid, meshes) for place, k in enumerate(of)}
@@ -112,8 +112,8 @@ class Contacts:
             row=array([number.get(k, 0) for k in range(len(rows_of))], int),
             size=array([met.size for met in forms_of], t.vec3), place=array(places, t.transform),
             ball=array([met.ball for met in forms_of], real), skin=array([met.skin for met in forms_of], real),
-            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in rows_of], t.vec2),
-            restitution=array([c.restitution for _, _, c, _ in rows_of], real),
+            friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in with_worlds], t.vec2),
+            restitution=array([c.restitution for _, _, c, _ in with_worlds], real), still=mine,
             origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
 
     def _lists(self, room: int) -> None:
