@@ -19,6 +19,7 @@ from wsim.scene import Scene, SceneError
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 from wsim.usd.result.kinds import sidecar
+from wsim.usd.result.kinds.beside import Beside
 from wsim.usd.result.kinds.duplicate import copy_result
 from wsim.usd.result.kinds.siblings import KEY, referred
 from wsim.usd.result.recorder import Recorder
@@ -227,3 +228,20 @@ def test_a_layer_that_cannot_be_read_counts_as_one_that_refers(tmp_path):
     assert not referred(str(tmp_path), "a.files/01234567")
     (tmp_path / "user.usda").write_text('#usda 1.0\ndef Xform "a" { asset f = @a.files/01234567/x.vdb@ }')
     assert referred(str(tmp_path), "a.files/01234567") and not referred(str(tmp_path), "a.files/76543210")
+
+
+def test_volumes_are_numbered_by_frame_after_a_restart_too(tmp_path):
+    """By the time code, and by a part of it between two frames; of two volumes of one name each by itself."""
+    source = author(tmp_path / "s.usda", start=7.0, frames=4)
+    run(source, tmp_path / "half.usdc", 2)
+    run(source, tmp_path / "rest.usdc", 4, tmp_path / "half.usdc")
+    run(source, tmp_path / "blur.usdc", 2, samples=4)
+    names = {name: sorted(p.name for p in (tmp_path / f"{name}.files").rglob("*.vdb")) for name in ("half", "rest", "blur")}
+    assert names["half"] == [f"Smoke.{k:04d}.vdb" for k in (7, 8, 9)]
+    assert names["rest"] == [f"Smoke.{k:04d}.vdb" for k in (7, 8, 9, 10, 11)]
+    assert names["blur"] == sorted(f"Smoke.{k:04d}{rest}.vdb" for k in (7, 8) for rest in ("", ".25", ".5", ".75")) + [
+        "Smoke.0009.vdb"]
+    beside = Beside(str(tmp_path / "o.usdc"))
+    found = [os.path.basename(beside.write_frame(path, code, ".vdb", lambda file: None)) for path in ("/a/Air", "/b/Air")
+             for code in (-3.0, 11.9999999)]
+    assert found == ["Air.-003.vdb", "Air.0012.vdb", "Air~2.-003.vdb", "Air~2.0012.vdb"]

@@ -111,7 +111,7 @@ def test_what_cannot_hold_a_grid_is_named(tmp_path):
 def test_files_are_numbered_as_a_sequence_and_go_with_a_folder(tmp_path):
     source = author(tmp_path / "s.usda")
     run(source, tmp_path / "o.usdc")
-    assert sorted(p.name for p in (tmp_path / "o.files").rglob("*.vdb")) == [f"Smoke.{k:04d}.vdb" for k in range(1, FRAMES + 2)]
+    assert sorted(p.name for p in (tmp_path / "o.files").rglob("*.vdb")) == [f"Smoke.{k:04d}.vdb" for k in range(FRAMES + 1)]
     layers, assets, lost = UsdUtils.ComputeAllDependencies(str(tmp_path / "o.usdc"))
     assert len(assets) == FRAMES + 1 and not lost and len(layers) == 2
     for kind in (True, False):
@@ -169,7 +169,7 @@ except OSError as error:
     print(error)
 """], cwd=Path(__file__).parents[3], capture_output=True, text=True)
     told = [line for line in child.stdout.splitlines() if "written" in line]
-    assert len(told) == 1 and "Smoke.0004.vdb could not be written: File too large. Free space" in told[0], child.stderr
+    assert len(told) == 1 and "Smoke.0003.vdb could not be written: File too large. Free space" in told[0], child.stderr
     kept = tmp_path / "o.partial.usdc"
     assert kept.exists() and not (tmp_path / "o.usdc").exists()
     check(kept, frames=2)

@@ -6,6 +6,7 @@ own, or is put aside for recovery. They go when a run replaces that layer, unles
 layer beside it still refers to it (a copy of the result does). A file is there whole or not at all.
 """
 
+import math
 import os
 import re
 import secrets
@@ -19,6 +20,7 @@ from pxr import Sdf, Tf
 from wsim.usd.result import atomic, crate
 from wsim.usd.result.kinds.siblings import KEY, referred
 
+ROUND = 1e-6                    # of a time code that a sample may lie before its frame
 FOLDER = re.compile(r"[^/\\]+\.files/[0-9a-f]{8}\Z")
 
 
@@ -29,18 +31,27 @@ class Beside:
         self.final = os.path.abspath(final)
         self.place = os.path.dirname(self.final)
         self.folder = f"{home(final)}/{secrets.token_hex(4)}"
-        self.counts: dict[str, int] = {}          # files of each name and ending: part of their names, so that none is twice
+        self.counts: dict[str, int] = {}          # files of each name and ending that are no frame's: part of their names
+        self.owners: dict[str, str] = {}          # {prim path: name of the sequence of its files}
         self.taken: dict[str, str] = {}           # {file of an earlier run: what it is here}
         self.written: list[str] = []              # and not yet sure to stay, see `undo`
         self.old: list[str] = []                  # that the layer, once saved, does not name any more
         self.restart: dict[str, str] = {}         # {prim path: file of its restart fields}
 
     def write(self, name: str, suffix: str, write: bytes | Callable[[BinaryIO], object]) -> str:
-        """A new file NAME.0001.SUFFIX, and so on, as sequences are numbered; returns its path relative to the layer. write: its
-        bytes, or what writes them into an open file. Raises OSError where it cannot be."""
+        """A new file NAME.0001.SUFFIX, and so on; returns its path relative to the layer. write: its bytes, or what writes them
+        into an open file. Raises OSError where it cannot be."""
+        self.counts[name + suffix] = self.counts.get(name + suffix, 0) + 1
+        return self._write(f"{name}.{self.counts[name + suffix]:04d}{suffix}", write)
+
+    def write_frame(self, prim: str, code: float, suffix: str, write: Callable[[BinaryIO], object]) -> str:
+        """The file of a prim at a time code, as `write` has it: NAME.0012.SUFFIX of frame 12, whatever frames came before."""
+        return self._write(self._frame(prim, code, suffix), write)
+
+    def _write(self, name: str, write: bytes | Callable[[BinaryIO], object]) -> str:
         target = os.path.join(self.place, self.folder, name)
         try:
-            target = self._new(name, suffix)
+            os.makedirs(os.path.dirname(target), exist_ok=True)
             with atomic.replacing(target) as temporary, open(temporary, "xb") as file:
                 if isinstance(write, bytes):
                     file.write(write)
@@ -51,11 +62,13 @@ class Beside:
                               "-o") from None
         return self._named(target)
 
-    def take(self, source: str, name: str) -> str:
-        """A file of an earlier run as one of this run, linked where the file system can, else copied; the same each time."""
+    def take(self, source: str, prim: str, code: float) -> str:
+        """The file of an earlier run, of a prim at a time code, as one of this run: linked where the file system can, else
+        copied; the same each time."""
         if source in self.taken:
             return self.taken[source]
-        target = self._new(name, os.path.splitext(source)[1])
+        target = os.path.join(self.place, self.folder, self._frame(prim, code, os.path.splitext(source)[1]))
+        os.makedirs(os.path.dirname(target), exist_ok=True)
         try:
             os.link(source, target)
         except OSError:
@@ -64,10 +77,16 @@ class Beside:
         self.taken[source] = self._named(target)
         return self.taken[source]
 
-    def _new(self, name: str, suffix: str) -> str:
-        os.makedirs(os.path.join(self.place, self.folder), exist_ok=True)
-        self.counts[name + suffix] = self.counts.get(name + suffix, 0) + 1
-        return os.path.join(self.place, self.folder, f"{name}.{self.counts[name + suffix]:04d}{suffix}")
+    def _frame(self, prim: str, code: float, suffix: str) -> str:
+        """Name of the file of a prim at a time code: its whole part as four digits, then the rest (motion blur)."""
+        own = prim.rsplit("/", 1)[-1]
+        if prim not in self.owners:
+            k = sum(name.split("~")[0] == own for name in self.owners.values())
+            self.owners[prim] = own if k == 0 else f"{own}~{k + 1}"
+        whole = math.floor(code + ROUND)
+        rest = f"{max(code - whole, 0.0):.6f}".rstrip("0")[2:]
+        self.counts["frames"] = self.counts.get("frames", 0) + 1
+        return f"{self.owners[prim]}.{whole:04d}{'.' + rest if rest else ''}{suffix}"
 
     def _named(self, target: str) -> str:
         name = f"./{self.folder}/{os.path.basename(target)}"

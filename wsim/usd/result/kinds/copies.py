@@ -30,7 +30,7 @@ def copied(layer: Sdf.Layer, stage: Usd.Stage, restart: Any, things: Sequence[st
             for code in times:
                 value = layer.QueryTimeSample(spec.path, code)
                 if isinstance(value, Sdf.AssetPath):
-                    value = _file(restart.path, spec.path, value, beside)
+                    value = _file(restart.path, spec.path, value, code, beside)
                 attribute.Set(value, code)
             codes.update(times)
     beside.keep()
@@ -46,9 +46,10 @@ def _sampled(layer: Sdf.Layer, path: Sdf.Path) -> Iterator[Sdf.AttributeSpec]:
             yield from _sampled(layer, child.path)
 
 
-def _file(result: str, path: Sdf.Path, value: Sdf.AssetPath, beside: Beside) -> Sdf.AssetPath:
+def _file(result: str, path: Sdf.Path, value: Sdf.AssetPath, code: float, beside: Beside) -> Sdf.AssetPath:
+    """The file of a field of a volume, which stands below that."""
     source = os.path.normpath(os.path.join(os.path.dirname(os.path.abspath(result)), value.path))
     if not os.path.isfile(source):
         raise SceneError(Problem(str(path.GetPrimPath()), f"{source}, which {result} names, is missing; put it back, or "
                                  "restart from another result"))
-    return Sdf.AssetPath(beside.take(source, os.path.basename(source).split(".")[0]))
+    return Sdf.AssetPath(beside.take(source, str(path.GetPrimPath().GetParentPath()), code))

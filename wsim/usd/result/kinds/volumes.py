@@ -41,7 +41,7 @@ def volume(prim: Usd.Prim, sample: Volume, code: float, beside: Beside) -> list[
     units = Units.of(prim.GetStage())
     grids = [_grid(name, values, units.factor(sample.units.get(name, "1")), np.diag(frame.L), low + 0.5 * voxel, voxel)
              for name, values in sample.fields.items()]
-    file = Sdf.AssetPath(beside.write(home.GetPrim().GetName(), ".vdb", lambda target: write(target, grids)))
+    file = Sdf.AssetPath(beside.write_frame(str(home.GetPath()), code, ".vdb", lambda target: write(target, grids)))
     return [(_asset(home, grid).GetFilePathAttr(), file) for grid in grids]
 
 
