@@ -30,7 +30,8 @@ LAYERS = ("kernels", "geometry", "scene", "usd", "model", "physics", "simulation
           "bench", "cli", "__init__", "__main__")
 METHODS = {"physics.motion.points", "physics.motion.explicit", "physics.motion.loads", "physics.solver.newton",
            "physics.solver.xpbd", "physics.cloth.air", "physics.cloth.muscles"}                  # never each other
-USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving", "physics.rigid.joints.stacked",
+USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.moving",
+       "physics.rigid.joints.authored", "physics.rigid.joints.stacked",
        "physics.rigid.joints.filters.usd",
        "physics.rigid.joints.instances.usd", "physics.fluid.usd", "physics.fluid.liquid.usd", "physics.animation.usd",
        "physics.animation.write", "physics.rods.usd", "physics.rods.follow.usd")                       # of methods

@@ -5,6 +5,7 @@ when a scene holds such a thing:
 
     objects    dataclasses of the scene; NumPy only
     check      check(thing, scene) yields Problems
+    initial    check(scene) yields Problems of how sound things stand to each other at the start
     usd        load(reading, prim) -> thing, things or None, author(stage, thing, units); within(reading, prim) -> paths of
                prims that are the thing's, and no colliders of the scene; imports pxr, never Warp
     method     build(Build) -> Method, see `wsim.simulation.methods`

@@ -18,11 +18,12 @@ from wsim.usd.attributes import read
 from wsim.usd.load_varying import finish
 from wsim.usd.prims.cloth import load_cloth
 from wsim.usd.prims.colliders import load_collider
+from wsim.usd.prims.numbers import refuse_numbers, refuse_types
 from wsim.usd.prims.pins import is_followed, is_tie, load_painted, load_pin, load_tie
 from wsim.usd.prims.springs import load_springs
 from wsim.usd.settings import frames_of, load_settings, note_range, refuse_units
 from wsim.usd.spelling import spelling
-from wsim.usd.stage import Reading, Units, applied, open_stage, quiet, source_of
+from wsim.usd.stage import Reading, Units, applied, open_stage, quiet, reason, source_of
 
 SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
 
@@ -70,11 +71,16 @@ def read_stage(stage: Usd.Stage, notes: list[Problem] | None = None, frames: int
     """The scene of an open stage; see `load`."""
     reading = Reading(stage, Units.of(stage), problems=list(notes or []))
     with quiet(reading.problems, stage), np.errstate(over="ignore", invalid="ignore"):    # what is no number is reported
-        return _read(reading, frames)
+        try:
+            return _read(reading, frames)
+        except Tf.ErrorException as error:
+            raise SceneError(Problem(stage.GetRootLayer().realPath or "stage", f"holds a value that USD cannot read: "
+                                     f"{reason(error)[:200]}; author it again")) from None
 
 
 def _read(reading: Reading, frames: int | None) -> Scene:
     refuse_units(reading)
+    refuse_types(reading)
     reading.frames = frames_of(reading, frames)
     found = _walk(reading)
     if found.skel_roots:
@@ -268,6 +274,7 @@ def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
     if scene.bodies() or moving(scene):
         note_range(reading)
         fatal += [problem for problem in check(scene) if problem.fatal]
+        fatal += refuse_numbers(reading, {problem.path for problem in fatal})
     elif not fatal:                               # the notes say why: a reference without a file, a body left out
         from wsim.usd.new.hints import nothing
         fatal += [nothing(reading.stage, found.simulated, found.meshes, found.tet_meshes), *_grouped(reading.problems)]

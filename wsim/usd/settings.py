@@ -16,6 +16,7 @@ from wsim.usd.load_varying import attributes_of, vary
 from wsim.usd.names import GRAVITY, PHYSICS_SCENE, STEPS_HINT, WSIM_SCENE, fields, row
 from wsim.usd.stage import Reading, Units, open_stage
 
+LEAST = 1e-12          # of a unit, in metres, kilograms and seconds: powers of it are numbers too
 LATEST = 1e9           # a time code: a millionth of a frame is still told from the next one
 LONG = 100_000         # frames of a stage (an hour at 24 a second): beyond, --frames says how many are meant
 FIELDS = ("substeps", "iterations", "solver", "integrator", *fields("Scene"))
@@ -30,8 +31,9 @@ def refuse_units(reading: Reading) -> None:
                                  "beyond which time codes are rounded: correct the root layer's metadata"))
     units = {"metersPerUnit": reading.units.metres, "kilogramsPerUnit": reading.units.kilograms,
              "timeCodesPerSecond": reading.units.fps}
-    wrong = [Problem(file, f"{name} is {value:g}; allowed is a finite number > 0: correct the root layer's metadata")
-             for name, value in units.items() if not 0.0 < value < math.inf]
+    wrong = [Problem(file, f"{name} is {value:g}; allowed is a finite number > 0, {LEAST:g} to {1.0 / LEAST:g}: "
+                     "correct the root layer's metadata")
+             for name, value in units.items() if not LEAST <= value <= 1.0 / LEAST]
     if wrong:
         raise SceneError(wrong)
 

@@ -4,10 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wsim.physics.fluid import start
 from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source
 from wsim.physics.fluid.shells import meets
 from wsim.scene import Plane, Problem, Scene, Springs, Surface
-from wsim.scene.check.objects import count, error, number, rigid, surface, warning
+from wsim.scene.check.objects import count, error, number, rigid, warning
 from wsim.scene.solids import row
 
 LEAST = 4                  # cells along an axis that is not flat
@@ -27,7 +28,7 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
             wrong = True
     if not wrong and fluid.cell > 0.0:
         yield from _box(fluid)
-        yield from _filled(fluid, scene)
+        yield from start.filled(fluid, scene, "air")
     yield from _sides(fluid)
     for name, found, allowed in (("advection", fluid.advection, ADVECTION),
                                  ("scalar_advection", fluid.scalar_advection, SCALARS),
@@ -40,6 +41,7 @@ def _fluid(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
     yield from _unmet(fluid, scene)
     yield from count(path, "steps", fluid.steps, 0)
     yield from count(path, "most_steps", fluid.most_steps, 1)
+    yield from start.common(fluid, scene)
     yield from number(path, "margin", fluid.margin, 0.0)
     if fluid.margin > 0.0:
         yield from _part(fluid)
@@ -78,7 +80,7 @@ def _unmet(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
 
 def _part(fluid: Fluid) -> Iterator[Problem]:
     path = fluid.path
-    if "open" not in [fluid.sides[2 * a + s] for a in fluid.axes for s in (0, 1)]:
+    if not _opens(fluid):
         yield error(path, "a part of its air is solved, and no side is open: what is sealed moves all at once", "margin 0",
                     "open a side, or leave margin out")
     if fluid.acceleration is not None:
@@ -86,18 +88,6 @@ def _part(fluid: Fluid) -> Iterator[Problem]:
     if fluid.velocity is not None and np.any(fluid.velocity):
         yield warning(path, "its air has a velocity at the start, and stays so but for a margin around smoke, heat and sources",
                       "margin 0 where air moves elsewhere", "leave margin out")
-
-
-def _filled(fluid: Fluid, scene: Scene) -> Iterator[Problem]:
-    """Convex obstacles that have all corners of its box within themselves at the start, and so all of it."""
-    corners = np.stack(np.meshgrid(*zip(fluid.low, fluid.high, strict=True), indexing="ij"), -1).reshape(8, 3)
-    for collider in scene.colliders:
-        frame = collider.motion.values[0]
-        if not isinstance(collider.shape, Surface) and np.isfinite(frame).all():
-            local = (corners - frame[:3, 3]) @ frame[:3, :3]
-            if (row(collider.shape).distance(collider.shape, local) < 0.0).all():
-                yield warning(fluid.path, f"{collider.path} fills all of it: there is no air", "obstacles that leave some",
-                              f"move {collider.path}, or the domain")
 
 
 def _kept(fluid: Fluid) -> Iterator[Problem]:
@@ -122,8 +112,9 @@ def _box(fluid: Fluid) -> Iterator[Problem]:
         yield error(path, f"it has {'x'.join(map(str, shape))} cells", f"{LEAST} or more along two or three axes, one along "
                     "the third of a flat one", "give smaller cells, or a larger box")
     if fluid.cells > LONG:
-        cell = fluid.cell * (fluid.cells / LONG) ** (1.0 / 3.0)
-        yield error(path, f"it has {fluid.cells:.3g} cells", f"up to {LONG}", f"give cells of {cell:.3g} m or more")
+        many = float(np.prod(np.array(shape, np.float64)))
+        yield error(path, f"it has {many:.3g} cells", f"up to {LONG}",
+                    f"give cells of {float(np.prod(size) / LONG) ** (1.0 / 3.0):.3g} m or more")
     rest = np.abs(size / fluid.cell - np.array(shape)).max()
     if rest > 1e-3:
         yield warning(path, f"its box is {' x '.join(f'{v:.4g}' for v in size / fluid.cell)} cells", "whole numbers of cells",
@@ -149,8 +140,7 @@ def _sides(fluid: Fluid) -> Iterator[Problem]:
                           f"close it, or take the velocity of {SIDES[k]} away")
     inflow = sum((fluid.side_velocities[2 * a + s][a] * (1 - 2 * s)) for a in fluid.axes for s in (0, 1)
                  if fluid.sides[2 * a + s] == "closed")
-    if abs(inflow) > 1e-6 * np.abs(fluid.side_velocities).max() and "open" not in [fluid.sides[2 * a + s] for a in fluid.axes
-                                                                                   for s in (0, 1)]:
+    if abs(inflow) > 1e-6 * np.abs(fluid.side_velocities).max() and not _opens(fluid):
         yield warning(path, "air comes in through closed sides and has no way out", "as much out as in, or an open side",
                       "open a side; else what does not fit is spread over all cells")
 
@@ -159,7 +149,7 @@ def _source(source: Source, scene: Scene) -> Iterator[Problem]:
     path, fluids = source.path, scene.things("Fluid")
     yield from rigid(path, source.motion, "put the scale into the shape's sizes")
     if isinstance(source.shape, Surface):
-        yield from surface(source.shape, path)
+        yield from start.solid(source.shape, path)
     else:
         named = row(source.shape).named(source.shape)
         for name, value in named.items():
@@ -177,8 +167,17 @@ def _source(source: Source, scene: Scene) -> Iterator[Problem]:
     elif not any(_meets(source, f) for f in fluids if source.fluid in ("", f.path)):
         yield warning(path, "it is outside of its fluids at the start, and stays there", "a place within one",
                       "move it, or enlarge the fluid's box")
+    for fluid in fluids if source.expansion > 0.0 else ():
+        if source.fluid in ("", fluid.path) and _meets(source, fluid) and not _opens(fluid):
+            yield warning(path, f"it brings {source.expansion:g} m^3/s of air a cubic metre into {fluid.path}, which has no "
+                          "open side: what does not fit is spread over all cells", "an open side, or no expansion",
+                          "author wsim:fluid:sides with an open one, or leave wsim:fluid:expansion out")
     if source.velocity is None and source.smoke == source.temperature == source.expansion == 0.0:
         yield warning(path, "it gives nothing: no smoke, heat, air or velocity", "one of them", "author one, or take it away")
+
+
+def _opens(fluid: Fluid) -> bool:
+    return len(fluid.sides) == 6 and "open" in [fluid.sides[2 * a + s] for a in fluid.axes for s in (0, 1)]
 
 
 def _meets(source: Source, fluid: Fluid) -> bool:

@@ -21,6 +21,7 @@ from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.measure import centered, measures
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.physics.fluid.shells import meets, sheets, shells
+from wsim.physics.fluid.start import cut
 from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Sample
 from wsim.scene.values.coverage import refuse
@@ -53,6 +54,7 @@ class Fluids(Method):
     def __init__(self, b):
         super().__init__("fluid")
         self.model, self.scene, self.status, self.state, self.base = b.model, b.scene, b.status, b.state, b.clock.substeps
+        self.more = 1
         self.pairs = [(fluid, world) for world in range(b.model.worlds) for fluid in b.scene.things("Fluid")]
         memory.refuse([fluid for fluid, _ in self.pairs], b)
         self.layouts = [Layout.of(fluid) for fluid, _ in self.pairs]
@@ -192,7 +194,7 @@ class Fluids(Method):
         return [Remedy("grow", str) for window in self.windows.values() if window.lacks()]
 
     def advance(self, clock: Clock) -> None:
-        more = max(1, clock.substeps // self.base)               # of a frame that is repeated with smaller steps
+        self.more = more = max(1, clock.substeps // self.base)   # of a frame that is repeated with smaller steps
         for k, domain in enumerate(self.domains):
             steps = domain.fluid.steps
             least, most = more * max(1, steps), more * (steps or domain.fluid.most_steps)
@@ -203,7 +205,8 @@ class Fluids(Method):
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         missed = status.said("fluid: missed")
-        return [(("fluid", domain.fluid.path, domain.world), float(n),
+        found = cut([(d.fluid, d.world) for d in self.domains], status.said("fluid: steps"), self.more)
+        return found + [(("fluid", domain.fluid.path, domain.world), float(n),
                  f"{domain.fluid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, "
                  "or float64") for domain, n in zip(self.domains, missed, strict=True) if n]
 

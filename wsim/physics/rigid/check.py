@@ -74,7 +74,8 @@ def _support(first: Body, scene: Scene) -> Iterator[Problem]:
     paths = {body.path for body in bodies}
     hangs = any(j.enabled and not {j.body0, j.body1} <= paths for j in scene.things("Joint"))
     pushed = any(body.force.any() for body in bodies)
-    if np.any(scene.gravity) and not (hangs or pushed or scene.colliders or scene.bodies() or scene.things("Rods")):
+    if np.any(scene.gravity) and not (hangs or pushed or scene.colliders or scene.bodies() or scene.things("Rods")
+                                         or scene.things("Liquid")):
         what = "it falls" if len(bodies) == 1 else f"the {len(bodies)} rigid bodies fall"
         yield warning(first.path, f"no joint holds it and nothing lies below: {what} for ever",
                       "a collider or a joint to the world", "apply PhysicsCollisionAPI to what it should land on, such as a "

@@ -159,8 +159,9 @@ def joined(parts: list[Volume]) -> Volume:
 
 
 def principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Moments (3,) and axes (x, y, z, w) of a symmetric (3, 3); a diagonal one keeps its own axes."""
-    if np.abs(inertia - np.diag(np.diag(inertia))).max() <= 1e-12 * np.abs(inertia).max():
+    """Moments (3,) and axes (x, y, z, w) of a symmetric (3, 3); a diagonal one keeps its own axes, and so
+    does one that is not finite."""
+    if not np.isfinite(inertia).all() or np.abs(inertia - np.diag(np.diag(inertia))).max() <= 1e-12 * np.abs(inertia).max():
         return np.diag(inertia).copy(), np.array([0.0, 0.0, 0.0, 1.0])
     moments, R = np.linalg.eigh(inertia)
     return moments, quaternion(R * np.sign(np.linalg.det(R)))

@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 
-from wsim.scene import Collider, Motion, Problem, Scene, Surface
+from wsim.scene import Collider, Motion, Plane, Problem, Scene, Surface
 from wsim.scene.check import chord, sharp, signed_distance
 from wsim.scene.check.objects import warning
 from wsim.scene.methods import dressed, every
@@ -14,6 +14,8 @@ from wsim.scene.solids import row
 
 NEAR = 1e-5            # of a body's extent: points so near to a surface are on it
 SHORT = 1e-5           # [m] of a distance kept that does not count
+LEVEL = 1e-3           # of a plane's normal that points up, from which it catches what falls
+SIDES = 16             # on a circle of a round shape whose bounds are asked
 FINEST = 16            # places along an edge of a triangle at which a rigid body is looked for, at most
 
 
@@ -24,6 +26,7 @@ def contacts(scene: Scene) -> Iterator[Problem]:
         yield from _buried(scene, body, moved)
         for mover in moved:
             yield from _between(body, mover)
+    yield from _beside(scene)
     for path, other, gap, needed in kept(scene):
         if gap + SHORT < needed:
             yield warning(path, f"with a thickness of {gap:g} m it stands out by up to {needed - gap:.2g} m between points of "
@@ -119,3 +122,55 @@ def _between(body, mover: Collider) -> Iterator[Problem]:
         yield warning(body.path, f"the rigid body {mover.path} starts in its triangles, between their points, by "
                       f"{depth.max():.3g} m at {_place(places[np.argmax(depth)], near)}: points alone meet rigid bodies, and "
                       "it goes through there", "bodies that start beside it", "move one of them apart, or refine the mesh")
+
+
+def _beside(scene: Scene) -> Iterator[Problem]:
+    """Bodies that fall straight, beside everything: nothing lies below their bounds. Where wind blows or a collider moves, that
+    is not known."""
+    g = np.asarray(scene.gravity, float)
+    if not (np.isfinite(g).all() and g.any()) or np.any(scene.wind) or any(
+            c.motion.moves or getattr(c.shape, "poses", None) is not None for c in scene.colliders):
+        return
+    down = g / np.linalg.norm(g)
+    across = np.linalg.svd(down[None])[2][1:]
+    free = _free(scene, across)
+    if not free or any(isinstance(c.shape, Plane) and c.motion.at(0.0)[:3, 2] @ -down > LEVEL for c in scene.colliders):
+        return
+    found = list(_bounds(scene, np.vstack([across, -down])))
+    low, high = (np.array([bounds[k] for bounds in found]).reshape(-1, 3) for k in (1, 2))
+    for k, (path, lowest, highest) in enumerate(found):
+        if path in free:
+            below = (low[:, :2] <= highest[:2]).all(axis=1) & (high[:, :2] >= lowest[:2]).all(axis=1) & (low[:, 2] < highest[2])
+            below[k] = False
+            if not below.any():
+                yield warning(path, "falls beside everything: no collider and no other body lies below it",
+                              "something to land on", "move it above a collider, or hold it by a joint or a pin")
+
+
+def _free(scene: Scene, across: np.ndarray) -> set[str]:
+    """Bodies that only gravity moves, straight down. across: two directions in which they do not move, (2, 3)."""
+    held = {path for tie in scene.ties for path in (tie.body, tie.other)}
+    held |= {pin.body for pin in scene.pins} | {load.body for load in scene.loads}
+    held |= {path for joint in scene.things("Joint") for path in (joint.body0, joint.body1)}
+    points = {b.path for b in scene.bodies() if b.velocities is None or not np.any(b.velocities)}
+    rigid = {b.path for b in scene.things("Body") if b.colliders and not b.asleep and not np.any(across @ b.velocity) and not (
+        np.any(b.force) or np.any(b.torque) or np.any(b.spin))}
+    return (points | rigid) - held
+
+
+def _bounds(scene: Scene, axes: np.ndarray) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """(path, low, high) along three axes of all that falls or may be met, but planes; a domain of liquid holds what falls."""
+    solids = [(c.path, c.motion.at(0.0), c.shape) for c in scene.colliders if not isinstance(c.shape, Plane)]
+    solids += [(b.path, b.motion.at(0.0) @ c.motion.at(0.0), c.shape) for b in scene.things("Body") for c in b.colliders]
+    known: dict[str, list[np.ndarray]] = {}
+    for path, M, shape in solids:
+        points = shape.points if isinstance(shape, Surface) else row(shape).outline(row(shape).given(shape), SIDES)[0]
+        known.setdefault(path, []).append(points @ M[:3, :3].T + M[:3, 3])
+    for thing in (*scene.bodies(), *scene.things("Rods")):
+        known.setdefault(thing.path, []).append(thing.motion.points(thing.points))
+    for tank in scene.things("Liquid"):
+        known.setdefault(tank.path, []).append(np.array([tank.low, tank.high]))
+    for path, parts in known.items():
+        x = np.concatenate(parts) @ axes.T
+        if len(x):
+            yield path, x.min(axis=0), x.max(axis=0)

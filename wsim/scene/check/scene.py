@@ -58,6 +58,9 @@ def check(scene: Scene) -> list[Problem]:
         found += [*_support(scene), *_damping(scene)]
         for body in scene.bodies():
             found += _held(body, [p for p in scene.pins if p.body == body.path and p.stiffness == inf])
+        for row in dict.fromkeys(row for row, _ in every(scene)) if scene.others else ():
+            role = row.role("initial")
+            found += role.check(scene) if role else ()
         if scene.colliders or (scene.others and scene.bodies() and carried(scene)):
             from wsim.scene.check import contact
             found += contact.contacts(scene)

@@ -4,12 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wsim.physics.fluid import start
 from wsim.physics.fluid.check import LEAST, LONG
 from wsim.physics.fluid.liquid.objects import KINDS, ROLES, TRANSFERS, Liquid, LiquidSource
 from wsim.physics.fluid.liquid.seeds import filling
 from wsim.physics.fluid.objects import SIDES
 from wsim.scene import Plane, Problem, Scene, Springs, Surface
-from wsim.scene.check.objects import count, error, number, rigid, surface, warning
+from wsim.scene.check.objects import count, error, number, rigid, warning
 from wsim.scene.solids import row
 
 
@@ -27,11 +28,13 @@ def _liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
     elif liquid.cell > 0.0:
         yield from _cells(liquid)
         yield from _filled(liquid, scene)
+        yield from start.filled(liquid, scene, "room")
     yield from _sides(liquid)
     if liquid.transfer not in TRANSFERS:
         yield error(path, f"transfer is '{liquid.transfer}'", ", ".join(TRANSFERS), "choose one of them")
     yield from count(path, "steps", liquid.steps, 0)
     yield from count(path, "most_steps", liquid.most_steps, 1)
+    yield from start.common(liquid, scene)
     if 0 < liquid.tolerance < 1e-7:
         yield warning(path, f"tolerance is {liquid.tolerance:g}, which float32 does not reach", "1e-6 or more",
                       "give a larger one, or float64")
@@ -48,8 +51,8 @@ def _cells(liquid: Liquid) -> Iterator[Problem]:
         yield error(path, f"it has {'x'.join(map(str, shape))} cells", f"{LEAST} or more along two or three axes, one along "
                     "the third of a flat one", "give smaller cells, or a larger box")
     if 8 * liquid.cells > LONG:
-        cell = liquid.cell * (8 * liquid.cells / LONG) ** (1.0 / 3.0)
-        yield error(path, f"it has {liquid.cells:.3g} cells of up to 8 particles", f"up to {LONG} particles",
+        cell, many = float(8.0 * np.prod(size) / LONG) ** (1.0 / 3.0), float(np.prod(np.array(shape, np.float64)))
+        yield error(path, f"it has {many:.3g} cells of up to 8 particles", f"up to {LONG} particles",
                     f"give cells of {cell:.3g} m or more")
     if np.abs(size / liquid.cell - np.array(shape)).max() > 1e-3:
         whole = tuple(np.round(liquid.low + liquid.cell * np.array(shape), 6).tolist())
@@ -87,7 +90,7 @@ def _source(source: LiquidSource, scene: Scene) -> Iterator[Problem]:
     path, liquids = source.path, scene.things("Liquid")
     yield from rigid(path, source.motion, "put the scale into the shape's sizes")
     if isinstance(source.shape, Surface):
-        yield from surface(source.shape, path)
+        yield from start.solid(source.shape, path)
     else:
         for name, value in row(source.shape).named(source.shape).items():
             for v in np.atleast_1d(value):

@@ -19,6 +19,7 @@ from wsim.physics.fluid.liquid.measure import CHANGED, measures, sample, volume_
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
 from wsim.physics.fluid.liquid.seeds import filling, seeds
 from wsim.physics.fluid.shells import sheets, shells
+from wsim.physics.fluid.start import cut
 from wsim.scene.samples import Sample
 
 FIELDS = (Field("x", "m", True, "from the low corner, along the axes of the grid"), Field("v", "m/s", True, "velocity"))
@@ -44,6 +45,7 @@ class Liquids(Method):
     def __init__(self, b):
         super().__init__("liquid")
         self.model, self.scene, self.status, self.state, self.base = b.model, b.scene, b.status, b.state, b.clock.substeps
+        self.more = 1
         self.rigid = b.methods.find("bodies") if shells(b.scene) else None
         liquids = b.scene.things("Liquid")
         self.pairs = [(liquid, world) for world in range(b.model.worlds) for liquid in liquids]
@@ -127,7 +129,7 @@ class Liquids(Method):
                 domain.flow.pose(time, clock.dt)
 
     def advance(self, clock: Clock) -> None:
-        more = max(1, clock.substeps // self.base)               # of a frame that is repeated with smaller steps
+        self.more = more = max(1, clock.substeps // self.base)   # of a frame that is repeated with smaller steps
         for domain in self.domains:
             steps = domain.liquid.steps
             domain.frame(clock.dt, more * max(1, steps), more * (steps or domain.liquid.most_steps))
@@ -159,7 +161,8 @@ class Liquids(Method):
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         missed = status.said("liquid: missed")
-        found: list[tuple[tuple, float, str]] = [
+        found = cut([(d.liquid, d.world) for d in self.domains], status.said("liquid: steps"), self.more)
+        found += [
             (("liquid", domain.liquid.path, domain.world), float(n),
              f"{domain.liquid.path}: {{worst}} solves of a frame missed the tolerance of the pressure; give a larger one, or "
              "float64")

@@ -1,17 +1,18 @@
 """What can be wrong with a joint. NumPy only."""
 
 from collections.abc import Iterator
-from math import inf, isfinite, isnan
+from math import atan2, hypot, inf, isfinite, isnan
 
 import numpy as np
 
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, Joint
+from wsim.physics.rigid.joints.joint import AXES, DISTANCE, SHIFTS, TURNS, Joint
 from wsim.scene import Problem, Scene
 from wsim.scene.check.objects import error, rigid, warning
 
 UNIT = 1e-4                  # departure of |q| from 1 that float32 quaternions keep
 CLOSED = 1e-3                # [m], [rad] by which a joint may start apart without a word
+TINY = 1e-9                  # [rad] of a cone that is closed
 NAMES = (*AXES, DISTANCE)
 
 
@@ -61,6 +62,9 @@ def _numbers(joint: Joint) -> Iterator[Problem]:
         if not (isfinite(drive.target) and isfinite(drive.speed)):
             yield error(path, f"the drive of {name} goes to {drive.target:g} at {drive.speed:g}", "finite numbers",
                         "author another target")
+        if joint.locked(name):
+            yield warning(path, f"drives {name}, which its limits lock", "drives of axes that are free, or have a range",
+                          f"give {name} limits that leave it room, or take the drive away")
     if joint.cone is not None and not all(c >= 0.0 for c in joint.cone):
         yield error(path, f"its cone is {joint.cone}", "two angles >= 0, inf for free", "author other cone angles")
     for name in ("force", "torque"):
@@ -90,15 +94,27 @@ def _apart(joint: Joint, scene: Scene) -> Iterator[Problem]:
     shift = float(np.linalg.norm(d - np.clip(d, low, high)))
     low_far, high_far = _range(joint, DISTANCE)
     shift = max(shift, abs(float(np.linalg.norm(d)) - min(max(float(np.linalg.norm(d)), low_far), high_far)))
-    q = rotation.quaternion(A[:3, :3].T @ B[:3, :3])
-    u = rotation.logarithm(q)
-    turn = 0.0
-    if all(joint.locked(name) for name in AXES[3:]):
-        turn = float(np.linalg.norm(u))
+    turn = _turned(joint, rotation.quaternion(A[:3, :3].T @ B[:3, :3]))
     if shift > CLOSED or turn > CLOSED:
         yield warning(joint.path, f"starts {shift:.3g} m and {turn:.3g} rad apart: its bodies are pulled together, at most "
-                      "4 m/s and 10 rad/s fast", "frames that meet",
-                      "author physics:localPos0, localRot0 or those of body 1 again")
+                      "4 m/s and 10 rad/s fast", "frames that meet, within its "
+                      "limits", "author physics:localPos0, localRot0 or those of body 1 again, or other limits")
+
+
+def _turned(joint: Joint, q: np.ndarray) -> float:
+    """Angle [rad] by which a joint starts beyond what its turns and its cone allow; q: from frame 1 to frame 0."""
+    if all(joint.locked(name) for name in TURNS):
+        return float(np.linalg.norm(rotation.logarithm(q)))
+    x, w = (q[0], q[3]) if q[3] >= 0.0 else (-q[0], -q[3])
+    twist = np.array([x, 0.0, 0.0, w]) / hypot(x, w) if hypot(x, w) > 0.0 else np.array([0.0, 0.0, 0.0, 1.0])
+    swing = rotation.logarithm(rotation.multiply(q, rotation.conjugate(twist)))
+    turned = np.array([2.0 * atan2(twist[0], twist[3]), swing[1], swing[2]])
+    low, high = zip(*(_range(joint, name) for name in TURNS), strict=True)
+    beyond = float(np.linalg.norm(turned - np.clip(turned, low, high)))
+    if joint.cone is not None:
+        out = hypot(*(angle / max(limit, TINY) for angle, limit in zip(turned[1:], joint.cone, strict=True)))
+        beyond = max(beyond, (1.0 - 1.0 / out) * float(np.linalg.norm(turned[1:])) if out > 1.0 else 0.0)
+    return beyond
 
 
 def _range(joint: Joint, name: str) -> tuple[float, float]:

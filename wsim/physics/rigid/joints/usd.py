@@ -11,6 +11,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from wsim.geometry import rotation
+from wsim.physics.rigid.joints.authored import faults
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, all_locked
 from wsim.physics.rigid.joints.moving import body_of, holds_a_frame
 from wsim.physics.rigid.joints.stacked import merged, passive, stacked
@@ -59,6 +60,10 @@ def _joint(reading: Reading, prim: Usd.Prim) -> Joint | None:
     if any(value is None for value in given.values()):
         return None
     kind = str(prim.GetTypeName())
+    wrong = list(faults(prim, reading.start))
+    reading.problems += wrong
+    if any(problem.fatal for problem in wrong):
+        return None
     _unapplied(reading, prim)
     limits, drives, cone, turn = _table(reading, prim, kind)
     for k in (0, 1):

@@ -13,6 +13,7 @@ from wsim.physics.rigid.joints.moving import simulated
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rigid.usd.mass import mass_properties
 from wsim.scene import Collider
+from wsim.scene.check import objects
 from wsim.scene.curve import Motion
 from wsim.usd import names
 from wsim.usd.attributes import author as write
@@ -103,7 +104,9 @@ def _turned(reading: Reading, prim: Usd.Prim) -> None:
 def _own(reading: Reading, prim: Usd.Prim, M: np.ndarray) -> Collider | None:
     enabled = prim.GetAttribute("physics:collisionEnabled")
     found = load_collider(reading, prim)
-    if found is None:
+    wrong = [problem for problem in (objects.collider(found) if found else []) if problem.fatal]
+    reading.problems += wrong
+    if found is None or wrong:                                          # a broken shape has no mass
         return None
     found.motion = Motion(found.motion.times[:1], np.linalg.inv(M) @ found.motion.values[:1])
     found.meets = not enabled or enabled.Get(reading.start) is not False

@@ -52,6 +52,10 @@ def mass_properties(reading: Reading, prim: Usd.Prim, colliders: list[Collider])
         return {"mass": mass, "center": center, "inertia": own.inertia, "axes": axes}
     inertia = sum((mass / whole * (part.inertia + part.volume * _steiner(part.center - center)) for part in parts),
                   np.zeros((3, 3)))
+    if not np.isfinite([*inertia.ravel(), *center, mass]).all():
+        reading.fail(prim.GetPath(), f"its shapes have a mass of {mass:g} kg and moments that are no numbers; allowed: finite "
+                     "numbers; mend: author metersPerUnit and sizes that go with it")
+        return {}
     moments, axes = principal(inertia)
     return {"mass": mass, "center": center, "inertia": moments, "axes": axes}
 

@@ -57,6 +57,9 @@ def faults(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode) -> Iterator[s
               for name, kind in (("ProtoIndices", np.int64), ("Positions", np.float64), ("Scales", np.float64),
                                  ("Velocities", np.float64), ("AngularVelocities", np.float64), ("Ids", np.int64))}
     count, targets = len(arrays["Positions"]), instancer.GetPrototypesRel().GetTargets()
+    if not count:
+        yield "has no positions, and so no instances; author one for each of protoIndices"
+        return
     for name, values in arrays.items():
         said = name[0].lower() + name[1:]
         if len(values) != count and (len(values) or name == "ProtoIndices"):

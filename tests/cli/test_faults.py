@@ -1,0 +1,185 @@
+# ruff: noqa: E501   (rows of a table)
+"""Stages with exactly one fault each: `wsim check` names the prim, the fault and the fix in one line. Stages without any: none is
+refused, by check or by the start of a run."""
+
+import re
+
+import pytest
+
+from tests.cli.test_check import AIR, HEAD, WATER, instances, stage
+from wsim import cli, load
+from wsim.usd.result.recorder import Recorder
+
+GROUND = 'def Plane "Ground" (prepend apiSchemas = ["PhysicsCollisionAPI"]) { uniform token axis = "Z" }'
+
+
+def box(name="Box", at="0, 0, 0.5", more="", apis="") -> str:
+    return (f'def Cube "{name}" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsCollisionAPI"{apis}]) {{ double size = 1; '
+            f'double3 xformOp:translate = ({at}); uniform token[] xformOpOrder = ["xformOp:translate"]; {more} }}')
+
+
+def joint(kind="Revolute", more="", apis="", turn="1, 0, 0, 0", name="Joint") -> str:
+    return box("A", "0, 0, 2") + box("B", "2, 0, 2") + (
+        f'def Physics{kind}Joint "{name}" {f"(prepend apiSchemas = [{apis}])" if apis else ""} {{ rel physics:body0 = </A>; rel physics:body1 = </B>; '
+        f'point3f physics:localPos0 = (1, 0, 0); point3f physics:localPos1 = (-1, 0, 0); quatf physics:localRot1 = ({turn}); '
+        f'{more} }}') + GROUND
+
+
+STUFF = ('def Material "Stuff" (prepend apiSchemas = ["PhysicsSurfaceDeformableMaterialAPI", '
+         '"PhysicsCurvesDeformableMaterialAPI"]) { float physics:youngsModulus = 1e6; float physics:density = 300; '
+         'float physics:staticFriction = 0.5; float physics:dynamicFriction = 0.5 }')
+BOUND = "rel material:binding:physics = </Stuff>; "
+
+
+def settings(more="", apis="") -> str:
+    return f'def PhysicsScene "Scene" {f"(prepend apiSchemas = [{apis}])" if apis else ""} {{ {more} }}'
+
+
+def cloth(more="", indices="0, 1, 2, 0, 2, 3", points="(0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)", name="Cloth") -> str:
+    return (f'def Mesh "{name}" (prepend apiSchemas = ["PhysicsDeformableBodyAPI", "PhysicsSurfaceDeformableSimAPI"]) {{ '
+            f'{BOUND}int[] faceVertexCounts = [3, 3]; int[] faceVertexIndices = [{indices}]; point3f[] points = [{points}]; {more} }}'
+            + GROUND + STUFF)
+
+
+def rods(more="", apis="") -> str:
+    return ('def BasisCurves "Hair" (prepend apiSchemas = ["PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI"'
+            f'{apis}]) {{ {BOUND}uniform token type = "linear"; int[] curveVertexCounts = [3]; point3f[] points = [(0, 0, 1), (0, 0, 1.1), '
+            f'(0, 0, 1.2)]; {more} }}' + GROUND + STUFF)
+
+
+def air(domain="", source="", shape="Sphere", body="double radius = 0.2") -> str:
+    return (AIR.replace("    double wsim:fluid:cellSize", f"    {domain}\n    double wsim:fluid:cellSize")
+            .replace("    double wsim:fluid:smoke", f"    {source}\n    double wsim:fluid:smoke")
+            .replace('Sphere "Smoke"', f'{shape} "Smoke"').replace("double radius = 0.2", body))
+
+
+OPEN = "int[] faceVertexCounts = [3]\n    int[] faceVertexIndices = [0, 1, 2]\n    point3f[] points = [(0, 0, 0), (.2, 0, 0), (0, .2, 0)]"
+CLOSED = ("int[] faceVertexCounts = [3, 3, 3, 3]\n    int[] faceVertexIndices = [0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2]\n"
+          "    point3f[] points = [(0, 0, 0), (.2, 0, 0), (0, .2, 0), (0, 0, .2)]")
+SPHERE = 'def Sphere "Ball" (prepend apiSchemas = ["PhysicsCollisionAPI"]) { double radius = 5 }'
+SEALED = 'uniform token[] wsim:fluid:sides = ["closed", "closed", "closed", "closed", "closed", "closed"]'
+TWO = AIR + AIR.replace('"Air"', '"More"').replace('"Smoke"', '"Fire"')
+MASS = ', "PhysicsMassAPI"'
+
+# name: (stage, prim, words of the fault, words of the fix)
+FAULTS = {
+    "axes are NaN": (box(apis=MASS, more="float physics:mass = 1; float3 physics:diagonalInertia = (1, 1, 1); "
+                         "quatf physics:principalAxes = (nan, 0, 0, 0)") + GROUND, "/Box", "axes is (", "author another axes"),
+    "mass is negative": (box(apis=MASS, more="float physics:mass = -1") + GROUND, "/Box", "physics:mass is -1", "mass"),
+    "density is infinite": (box(apis=MASS, more="float physics:density = inf") + GROUND, "/Box", "density is inf", "density"),
+    "velocity is NaN": (box(more="vector3f physics:velocity = (nan, 0, 0)") + GROUND, "/Box", "velocity", "author"),
+    "size is 0": (box(more="double3 xformOp:scale = (0, 1, 1); uniform token[] xformOpOrder = ['xformOp:scale']".replace("'", '"'))
+                  .replace('uniform token[] xformOpOrder = ["xformOp:translate"]; ', "") + GROUND, "/Box", "", "scale"),
+    "drag is negative": (box(apis=', "WsimRigidBodyAPI"', more="double wsim:linearDamping = -1") + GROUND, "/Box", "drag is -1",
+                         "author another drag"),
+    "force is NaN": (box(apis=', "WsimRigidBodyAPI"', more="vector3d wsim:force = (0, nan, 0)") + GROUND, "/Box", "force", "author"),
+    "too deep": (box(at="0, 0, 0.3") + GROUND, "/Box", "starts 0.2 m deep in /Ground, 20 % of its size", "move them apart"),
+    "two too deep": (box("A") + box("B", "0.8, 0, 0.5") + GROUND, "/A", "starts 0.2 m deep in /B", "filter the pair"),
+    "falls beside": (box(at="5, 0, 3") + 'def Cube "Table" (prepend apiSchemas = ["PhysicsCollisionAPI"]) { double size = 2 }',
+                     "/Box", "falls beside everything", "move it above a collider"),
+    "friction is negative": (box(apis=', "MaterialBindingAPI"', more="rel material:binding = </Ice>") + GROUND + 'def Material "Ice" '
+                             '(prepend apiSchemas = ["PhysicsMaterialAPI"]) { float physics:dynamicFriction = -1 }', "/Ice",
+                             "dynamicFriction is -1", "allowed is a finite number >= 0"),
+    "limits inverted": (joint(more="float physics:lowerLimit = 30; float physics:upperLimit = -30"), "/Joint",
+                        "lowerLimit is 30, above physics:upperLimit", "swap them"),
+    "slide inverted": (joint("Prismatic", "float physics:lowerLimit = 1; float physics:upperLimit = -1"), "/Joint",
+                       "lowerLimit is 1, above physics:upperLimit", "swap them"),
+    "limit is NaN": (joint(more="float physics:lowerLimit = nan"), "/Joint", "physics:lowerLimit is nan", "author them again"),
+    "limit violated": (joint(more="float physics:lowerLimit = 30; float physics:upperLimit = 60"), "/Joint",
+                       "starts 0 m and 0.524 rad apart", "limits"),
+    "slide violated": (joint("Prismatic", "float physics:lowerLimit = 0.5; float physics:upperLimit = 1"), "/Joint",
+                       "starts 0.5 m and 0 rad apart", "limits"),
+    "cone is NaN": (joint("Spherical", "float physics:coneAngle0Limit = nan"), "/Joint", "coneAngle0Limit is nan", "author it again"),
+    "distances inverted": (joint("Distance", "float physics:minDistance = 2; float physics:maxDistance = 1"), "/Joint",
+                           "minDistance is 2, above physics:maxDistance", "swap them"),
+    "drive of no axis": (joint(apis='"PhysicsDriveAPI:linear"'), "/Joint", "has PhysicsDriveAPI:linear, which is not used",
+                         "author PhysicsDriveAPI:angular"),
+    "drive of a locked axis": (joint("", apis='"PhysicsDriveAPI:rotX", "PhysicsLimitAPI:rotX"', more="float limit:rotX:physics:low = 1; "
+                                     "float limit:rotX:physics:high = -1"), "/Joint", "drives rotX, which its limits lock", "limits"),
+    "stiffness is negative": (joint(apis='"PhysicsDriveAPI:angular"', more="float drive:angular:physics:stiffness = -5"), "/Joint",
+                              "stiffness of the drive", "author another stiffness"),
+    "axis W": (joint(more='uniform token physics:axis = "W"'), "/Joint", "physics:axis is 'W'", "author one of them"),
+    "joins nothing": (box() + GROUND + 'def PhysicsRevoluteJoint "Joint" {}\n', "/Joint", "joins no body", "author physics:body0"),
+    "index out of range": (cloth(indices="0, 1, 2, 0, 2, 9"), "/Cloth", "9", "point"),
+    "point is NaN": (cloth(points="(0, 0, 1), (1, 0, nan), (1, 1, 1), (0, 1, 1)"), "/Cloth", "is not finite", "give each three finite coordinates"),
+    "velocities are few": (cloth("vector3f[] velocities = [(0, 0, 1)]"), "/Cloth", "1 velocities", "4"),
+    "masses are negative": (cloth('float[] physics:masses = [1, 1, -1, 1]; uniform token physics:masses:elementType = "point"'),
+                            "/Cloth", "masses[2] is -1", "finite number > 0"),
+    "widths are NaN": (rods("float[] widths = [nan]; float[] physics:thicknesses = [0.001]; uniform token "
+                            'physics:thicknesses:elementType = "constant"'), "/Hair", "widths[0] is nan", "author it again"),
+    "widths are negative": (rods("float[] widths = [-0.1]; float[] physics:thicknesses = [0.001]; uniform token "
+                                 'physics:thicknesses:elementType = "constant"'), "/Hair", "widths[0] is -0.1", "author it again"),
+    "cells are tiny": (AIR.replace("0.125", "1e-300"), "/Air", "cells", "give cells of"),
+    "cells are negative": (AIR.replace("0.125", "-1"), "/Air", "cell is -1", "cellSize"),
+    "steps without end": (air("int wsim:fluid:steps = 2000000"), "/Air", "steps is 2e+06", "author fewer steps"),
+    "expansion sealed": (air(SEALED, "double wsim:fluid:expansion = 3"), "/Smoke", "which has no open side", "an open one"),
+    "source is open": (air(shape="Mesh", body=OPEN), "/Smoke", "an open mesh, which has no inside", "close its holes"),
+    "domains overlap": (TWO, "/Air", "it overlaps /More", "move one of them"),
+    "CFL is cut": (air("int wsim:fluid:mostSteps = 2", "vector3d wsim:fluid:velocity = (48, 0, 0)"), "/Air",
+                   "needs 8 steps a frame at a CFL number of 2, and most_steps is 2", "more most_steps"),
+    "air is filled": (AIR + SPHERE, "/Air", "/Ball fills all of it", "move /Ball"),
+    "tank is filled": (WATER + SPHERE, "/Water", "/Ball fills all of it", "move /Ball"),
+    "tank is empty": (WATER.split("def Cube \"Pool\"")[0], "/Water", "nothing fills it", "WsimLiquidSourceAPI"),
+    "name is taken": (AIR + 'def Mesh "Air_volume" {}\n', "/Air_volume", "is a Mesh", "rename one of the two"),
+    "instance of nothing": (instances("0, 0, 7"), "/Rocks", "protoIndices[2] is 7", "name one of them"),
+    "id twice": (instances(more="int64[] ids = [1, 1, 2]"), "/Rocks", "ids has 1 2 times", "author other ids"),
+    "solver is unknown": (box() + GROUND + settings('uniform token wsim:solver = "magic"', '"WsimSceneAPI"'), "/", "solver is 'magic'", "choose one of them"),
+    "gravity is NaN": (box() + GROUND + settings("vector3f physics:gravityDirection = (nan, 0, 0)"), "/Scene",
+                       "gravityDirection is (nan", "three finite numbers"),
+}
+VALID = {
+    "box": box() + GROUND, "touching": box("A") + box("B", "1, 0, 0.5") + GROUND, "shallow": box(at="0, 0, 0.46") + GROUND,
+    "stack": box("A") + box("B", "0, 0, 1.5") + GROUND, "falls": box(at="0, 0, 9") + GROUND,
+    "mass": box(apis=MASS, more="float physics:mass = 2") + GROUND,
+    "inertia": box(apis=MASS, more="float physics:mass = 1; float3 physics:diagonalInertia = (1, 1, 1)") + GROUND,
+    "asleep": box(more="uniform bool physics:startsAsleep = 1") + GROUND,
+    "thrown past": box(at="5, 0, 3", more="vector3f physics:velocity = (-1, 0, 0)") + SPHERE.replace("5", "1"),
+    "deep and filtered": box("A", apis=', "PhysicsFilteredPairsAPI"', more="rel physics:filteredPairs = </B>") + box(
+        "B", "0.5, 0, 0.5") + GROUND,
+    "revolute": joint(), "limits": joint(more="float physics:lowerLimit = -30; float physics:upperLimit = 30"),
+    "prismatic": joint("Prismatic"), "fixed": joint("Fixed"), "spherical": joint("Spherical", "float physics:coneAngle0Limit = 20"),
+    "distance": joint("Distance", "float physics:maxDistance = 1"), "free": joint(""),
+    "locked": joint("", "float limit:rotX:physics:low = 1; float limit:rotX:physics:high = -1", '"PhysicsLimitAPI:rotX"'),
+    "drive": joint(apis='"PhysicsDriveAPI:angular"', more="float drive:angular:physics:stiffness = 5"),
+    "slide drive": joint("Prismatic", "float drive:linear:physics:damping = 5", '"PhysicsDriveAPI:linear"'),
+    "cloth": cloth(), "moving cloth": cloth("vector3f[] velocities = [(0, 0, 1), (0, 0, 1), (0, 0, 1), (0, 0, 1)]"),
+    "masses": cloth('float[] physics:masses = [1, 1, 1, 1]; uniform token physics:masses:elementType = "point"'),
+    "hair": rods(), "thick hair": rods('float[] physics:thicknesses = [0.01]; uniform token physics:thicknesses:elementType = '
+                                       '"constant"; float[] widths = [0.01]'),
+    "air": AIR, "mesh source": air(shape="Mesh", body=CLOSED), "hot": air(source="double wsim:fluid:temperature = 100"),
+    "open air": air('uniform token[] wsim:fluid:sides = ["open", "open", "open", "open", "open", "open"]',
+                    "double wsim:fluid:expansion = 3"),
+    "counted": air("int wsim:fluid:steps = 4"), "blown": air(source="vector3d wsim:fluid:velocity = (4, 0, 0)"),
+    "obstacle": AIR + SPHERE.replace("5", "0.1"), "water": WATER, "stone in water": WATER + SPHERE.replace("5", "0.1"),
+    "box in water": WATER + box().replace("size = 1", "size = 0.2").replace("0, 0, 0.5", "0, 0, 0.4"),
+    "two airs": AIR + AIR.replace('"Air"', '"More"').replace('"Smoke"', '"Fire"').replace(
+        "    double size = 1\n", "    double size = 1\n    double3 xformOp:translate = (2, 0, 0)\n    uniform token[] xformOpOrder = "
+        "[\"xformOp:translate\"]\n", 1).replace('double radius = 0.2', "double radius = 0.2\n    double3 xformOp:translate = "
+        "(2, 0, 0)\n    uniform token[] xformOpOrder = [\"xformOp:translate\"]"),
+    "instances": instances(), "ids": instances(more="int64[] ids = [3, 1, 2]"), "air and volume": AIR + 'def Volume "Air_volume" {}\n',
+    "box and cloth": box("Box", "3, 0, 0.5") + cloth(),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_check_names_prim_fault_and_fix(tmp_path, capsys, name):
+    text, path, fault, fix = FAULTS[name]
+    head = HEAD.replace('def PhysicsScene "Scene" {}', "") if "def PhysicsScene" in text else HEAD
+    cli.main(["check", stage(tmp_path, text, head)])
+    lines = [line for line in capsys.readouterr().out.splitlines() if re.match("error: |warning: ", line)]
+    assert len(lines) == 1, lines
+    assert lines[0].split(": ")[1] == path and fault in lines[0] and fix in lines[0], lines
+    assert len(lines[0]) <= 300 and "please report" not in lines[0]
+
+
+@pytest.mark.parametrize("name", VALID)
+def test_a_sound_stage_is_refused_by_nothing(tmp_path, capsys, name):
+    source = stage(tmp_path, VALID[name])
+    assert cli.main(["check", source]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if re.match("error: |warning: ", line)]
+    assert not lines
+    Recorder(load(source), tmp_path / "o.usdc").close()
+
+
+def test_there_are_forty_of_each():
+    assert len(FAULTS) >= 40 and len(VALID) >= 40

@@ -1,0 +1,66 @@
+"""What the prim of a joint says and cannot mean: limits the wrong way round, drives and limits of axes that it lacks."""
+
+from collections.abc import Iterator
+from math import isnan
+
+from pxr import Usd
+
+from wsim.physics.rigid.joints.joint import AXES, DISTANCE
+from wsim.scene import Problem
+from wsim.scene.check.objects import error, warning
+from wsim.usd.stage import applied
+
+AXIS = "physics:axis"
+MOVES = {"PhysicsRevoluteJoint": ("angular", "rotX"), "PhysicsPrismaticJoint": ("linear", "transX")}
+WORDS = {"PhysicsRevoluteJoint": "turns about its axis alone", "PhysicsPrismaticJoint": "slides along its axis alone",
+         "PhysicsFixedJoint": "does not move", "PhysicsSphericalJoint": "turns alone",
+         "PhysicsDistanceJoint": "keeps a distance"}
+
+
+def faults(prim: Usd.Prim, start: Usd.TimeCode) -> Iterator[Problem]:
+    """Errors and warnings of a joint as it is authored."""
+    path, kind = str(prim.GetPath()), str(prim.GetTypeName())
+    axis = prim.GetAttribute(AXIS).Get(start) if prim.HasAttribute(AXIS) else "X"
+    if axis not in ("X", "Y", "Z"):
+        yield error(path, f"{AXIS} is {axis!r}", "X, Y or Z", "author one of them")
+    if kind in MOVES:
+        yield from _ordered(prim, start, "lowerLimit", "upperLimit", -float("inf"), "leave one out for no limit on that side")
+    elif kind == "PhysicsDistanceJoint":
+        yield from _ordered(prim, start, "minDistance", "maxDistance", 0.0, "author a negative one for none")
+    elif kind == "PhysicsSphericalJoint":
+        for name in ("coneAngle0Limit", "coneAngle1Limit"):
+            value = prim.GetAttribute(f"physics:{name}").Get(start)
+            if isnan(value):
+                yield error(path, f"physics:{name} is {value:g}", "degrees, or a negative number for none", "author it again")
+    yield from _axes(prim, path, kind)
+
+
+def _ordered(prim: Usd.Prim, start: Usd.TimeCode, lower: str, upper: str, least: float, mend: str) -> Iterator[Problem]:
+    """Two limits, of which those under `least` are none."""
+    low, high = (prim.GetAttribute(f"physics:{name}").Get(start) for name in (lower, upper))
+    if isnan(low) or isnan(high):
+        yield error(str(prim.GetPath()), f"physics:{lower} is {low:g} and physics:{upper} {high:g}", "numbers",
+                    f"author them again, or {mend}")
+    elif low > high >= least:
+        yield error(str(prim.GetPath()), f"physics:{lower} is {low:g}, above physics:{upper}, which is {high:g}",
+                    "a lower limit that is not above the upper one", f"swap them, or {mend}")
+
+
+def _axes(prim: Usd.Prim, path: str, kind: str) -> Iterator[Problem]:
+    """Drives and limits of coordinates that the joint does not have."""
+    apis = [api.split(":", 1) for api in applied(prim) if api.startswith(("PhysicsDriveAPI:", "PhysicsLimitAPI:"))]
+    for api, name in apis:
+        drive, moves = api == "PhysicsDriveAPI", MOVES.get(kind, ())
+        if kind in WORDS and (not drive and name not in moves[1:] or drive and name not in _driven(kind)):
+            other = f"author {api}:{moves[0]}" if drive and moves else f"take {api}:{name} away"
+            yield warning(path, f"has {api}:{name}, which is not used: a {kind} {WORDS[kind]}", "what the joint has", other)
+        elif kind not in WORDS and name not in (*AXES, DISTANCE):
+            yield warning(path, f"has {api}:{name}, which is not used: it is no axis", ", ".join((*AXES, DISTANCE)),
+                          "name one of them")
+
+
+def _driven(kind: str) -> tuple[str, ...]:
+    """Names of drives that a kind takes."""
+    if kind in MOVES:
+        return MOVES[kind]
+    return {"PhysicsSphericalJoint": AXES[3:], "PhysicsDistanceJoint": (DISTANCE,)}.get(kind, ())
