@@ -100,6 +100,23 @@ def test_leapfrog_reports_the_error_of_hits_once_something_is_hit():
     assert before < 0.1 * hit and 0.95 * hit < after < 1.1 * hit
 
 
+@pytest.mark.parametrize(("half", "beside"), [(0.06, 20), (0.045, 12), (0.3, 0)])
+def test_points_beside_the_edges_of_a_box_make_a_run_sensitive_and_a_wide_floor_does_not(half, beside):
+    """6 x 6 points 2 cm apart fall on a box. On a top of 12 cm the rim of the net lies within 2 cm of the edges, 20 points; on
+    one of 9 cm 4 x 4 points lie, 12 of them so. They are said to err by an edge, a fifth of the size."""
+    points = np.array([(0.02 * i - 0.05, 0.052, 0.02 * j - 0.05) for j in range(6) for i in range(6)])
+    edges = [(k, k + 1) for k in range(36) if k % 6 < 5] + [(k, k + 6) for k in range(30)]
+    scene = Scene(fps=60.0)
+    scene.net("/n", points, edges, [50.0], [0.01])
+    scene.collider("/box", Box((half, 0.05, half)))
+    sim = Simulation(scene, device="cpu")
+    sim.run(3)
+    growth, said = sim.measured.growth, sim.report(False)["predicted"]
+    assert growth.touched and growth.edged == pytest.approx(beside / 36.0)
+    assert said["sensitive"] == (beside > 0)
+    assert 0.0 < said["error"] - 0.2 * sqrt(beside / 36.0) < 0.02
+
+
 def test_steps_that_a_scene_names_are_not_measured():
     sim = Simulation(replace(slivers(), solver="xpbd", iterations=1), device="cpu")
     sim.run(1)

@@ -11,19 +11,22 @@ in air that takes the body with it at the rate c [1/s]. Leapfrog of steps h errs
             that the points have gone (RMS speed, summed). SLIVERS where slivers have more mass, and what float32 rounds
     hits    HIT h v / L once something touches a collider, v the largest RMS speed since the frame before: met at some time
             of a step
+    edges   a sheet's points beside an edge of a box, or a rim, go to one side or the other of it, whatever the steps:
+            l sqrt(share of the points that touch there, the largest so far, from EDGED on), l an edge of the sheet over L
     folds   a SHARE of what p gains in each frame, and SEED, times the growth from there on; at most FOLD edges
 
 Measured (tools/bench/choice/reported_errors.py; random meshes, nets, soft bodies on and off colliders): the logarithm of the
 growth of a perturbation that two runs show is 0.4 to 1.4 times what is said where that is above 3.
 """
 
+from collections.abc import Callable
 from math import exp, sqrt
 
 import numpy as np
 
 from wsim.kernels.contact.project import TOUCHED
 from wsim.model.model import edge_lengths
-from wsim.scene import Cloth
+from wsim.scene import Box, Cloth, Cone, Cylinder
 from wsim.simulation.measure.indicators import edge_strain
 from wsim.simulation.predicted import errors
 
@@ -33,6 +36,7 @@ SHARE = 0.3            # of the error that steps make, which is across the sheet
 FOLD = 1.0             # folds that come out differently differ by 0.04 to 0.8 edges, in crumpled sheets by 4
 HIT = 1.5              # cloths and soft bodies that fall on colliders, RMS error over h v / L: 0.04 to 1.3; a cube that
                        # a box throws up, 8
+EDGED = 0.02           # share beside edges of colliders from which they count: of 15 sheets 13 then part by 0.1 to 2 edges
 SHEETS, TETS = 1e-6, 5e-6      # error over L that float32 leaves in 6 to 13 frames: 1e-7 to 1e-6, and 6e-7 to 5.5e-6
 
 
@@ -68,14 +72,16 @@ class Growth:
 
 
 class Leapfrog(Growth):
-    """The error of a run of leapfrog so far."""
+    """The error of a run of leapfrog so far; edged: largest share of points that touched beside edges of colliders."""
 
     def __init__(self, sim):
         super().__init__(sim)
+        soft = any(len(b.tets) for b in sim.model.bodies)
+        self.edges, self.edged = [] if soft else [c for c in sim.scene.colliders if type(c.shape) in BESIDE], 0.0
         choice, bodies = sim.plan.choice, errors.falls(sim.model)
         self.h, self.way, self.speed, self.fastest = self.dt / choice.steps, 0.0, 0.0, 0.0
         self.smooth = errors.LEAP * max(b.g for b in bodies) * self.h**2 / self.size + choice.slowed * errors.SLIVERS
-        self.rounded = TETS if any(len(b.tets) for b in sim.model.bodies) else SHEETS
+        self.rounded = TETS if soft else SHEETS
         self.touched, self.before = False, 0.0
 
     @property
@@ -86,25 +92,56 @@ class Leapfrog(Growth):
     @property
     def error(self) -> float:
         """Over the size."""
-        return self.rounded + self.steps + HIT * self.h * self.fastest + min(self.grown, FOLD * self.edge)
+        aside = self.edge * sqrt(self.edged) if self.edged > EDGED else 0.0
+        return self.rounded + self.steps + HIT * self.h * self.fastest + aside + min(self.grown, FOLD * self.edge)
+
+    @property
+    def folded(self) -> bool:
+        return super().folded or self.edged > EDGED
 
     def follow(self, sim, x: np.ndarray) -> None:
         """Looks at the end of a frame of positions x (points, 3) [m]."""
         speed = float(np.sqrt((sim.state.v.numpy().astype(np.float64)**2).sum(axis=1).mean())) / self.size
         self.way += speed * self.dt
-        self.touched = self.touched or touches_collider(sim)
+        mark = sim.state.points.arrays.get("mark")
+        touching = np.zeros(len(x), bool) if mark is None else (mark.numpy() & TOUCHED) > 0
+        came = sim.forms["free"] > 0 and not sim.plan.clock.free              # the device saw one come near
+        self.touched = bool(self.touched or came or touching.any())
+        if self.edges and touching.any():
+            self.edged = max(self.edged, self.beside(sim, x, touching))
         if self.touched:
             self.fastest = max(self.fastest, speed, self.speed)
         self.speed = speed
         self.look(x, self.steps - self.before)
         self.before = self.steps
 
+    def beside(self, sim, x: np.ndarray, touching: np.ndarray) -> float:
+        """Share of the points at x (points, 3) [m] that touch a collider within an edge of the sheet from one of its own."""
+        x = np.concatenate([x[b.first:b.last] + b.origin for b in self.model.bodies])[touching]
+        found = np.zeros(len(x), bool)
+        for collider in self.edges:
+            M = collider.motion.at(sim.time)
+            found |= BESIDE[type(collider.shape)](collider.shape, (x - M[:3, 3]) @ M[:3, :3], self.edge * self.size)
+        return float(found.sum()) / len(touching)
 
-def touches_collider(sim) -> bool:
-    """Whether a point touches a collider where the frame ends, or may have within it: the device saw one come near."""
-    mark = sim.state.points.arrays.get("mark")
-    met = sim.forms["free"] > 0 and not sim.plan.clock.free
-    return met or mark is not None and bool((mark.numpy() & TOUCHED).any())
+
+def beside_box(box: Box, q: np.ndarray, near: float) -> np.ndarray:
+    """Which places q (n, 3) [m] on a box are nearer than that [m] to one of its edges."""
+    return (np.abs(q) > np.array(box.half) - near).sum(axis=1) >= 2
+
+
+def beside_rims(cylinder: Cylinder, q: np.ndarray, near: float) -> np.ndarray:
+    """The same of the rims of a cylinder."""
+    return (np.hypot(q[:, 0], q[:, 1]) > cylinder.radius - near) & (np.abs(q[:, 2]) > cylinder.half_height - near)
+
+
+def beside_cone(cone: Cone, q: np.ndarray, near: float) -> np.ndarray:
+    """The same of the rim and the apex of a cone."""
+    rim = (q[:, 2] < near - cone.half_height) & (np.hypot(q[:, 0], q[:, 1]) > cone.radius - near)
+    return rim | (q[:, 2] > cone.half_height - near)
+
+
+BESIDE: dict[type, Callable] = {Box: beside_box, Cylinder: beside_rims, Cone: beside_cone}
 
 
 def instability(model, x: np.ndarray) -> float:
