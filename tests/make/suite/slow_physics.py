@@ -2,7 +2,8 @@
 
 PHYSICS = {
     "physics/animation/test_skinning.py": {
-        "test_a_character_is_where_usd_skins_it_at_frames_and_between": ["CesiumMan.usdz-classicLinear-float32"]},
+        "test_a_character_is_where_usd_skins_it_at_frames_and_between": ["CesiumMan.usdz-classicLinear-float32"],
+        "test_device_and_host_agree_with_blend_shapes_and_scales": ["dualQuaternion-True"]},
     "physics/carrier/test_balls.py": {
         "test_momentum_of_a_toy_carrier_and_a_cloth_is_kept": ["xpbd-backward_euler", "implicit-backward_euler",
             "implicit-implicit_midpoint", "explicit-rk4", "implicit-bdf2", "xpbd-bdf2"],
@@ -18,11 +19,12 @@ PHYSICS = {
     "physics/cloth/test_element_adjoint.py": {
         "test_gradients_are_those_of_differences": ["dihedral-True"]},
     "physics/cloth/test_kind.py": {
-        "test_gradients_go_through_every_solver": ["how2", "how1", "how0"]},
+        "test_gradients_go_through_every_solver": ["how2", "how1", "how0", "how4"]},
     "physics/cloth/test_live_fabric.py": {
         "test_by_poisson_s_ratio": ["rk4-more6--0.4-25.0", "leapfrog-more1-0.0-0.0", "xpbd-more2-0.2-25.0",
             "newton-more5-0.0-0.0", "newton-more8--0.4-25.0"],
-        "test_by_a_strain_limit": ["membrane-newton", "membrane-leapfrog", "springs-leapfrog", "springs-newton"],
+        "test_by_a_strain_limit": ["membrane-newton", "membrane-leapfrog", "springs-leapfrog", "springs-newton",
+            "membrane-xpbd"],
         "test_what_a_pin_bears_by_poisson_s_ratio": ["newton", "leapfrog"],
         "test_as_an_input_of_a_rollout": ["True-poisson-<lambda>", "False-poisson-<lambda>"],
         "test_limits_of_a_new_rest_shape_are_live_ones": ["newton"]},
@@ -38,18 +40,24 @@ PHYSICS = {
         "test_strain_limits_and_tethers": ["0.01-False"]},
     "physics/cloth/test_settling.py": {
         "test_a_sheet_at_rest_has_its_whole_weight": ["implicit-implicit_midpoint", "implicit-bdf2"],
-        "test_a_hanging_cloth_settles_within_2_to_6_s": ["leather-1.0-edge"]},
+        "test_a_hanging_cloth_settles_within_2_to_6_s": ["leather-1.0-edge"],
+        "test_motion_along_the_normal_decays_and_motion_in_the_plane_stays": ["explicit-rk4"]},
+    "physics/contact/test_candidate_lists.py": {
+        "test_lists_find_what_a_search_of_the_whole_mesh_finds": ["sheet-deforms-float64"]},
     "physics/contact/test_candidates.py": {
-        "test_a_list_tells_what_the_tree_tells": ["more than a list has room for-sheet",
-            "more than a list has room for-solid"]},
+        "test_a_list_tells_what_the_tree_tells": ["more than a list has room for-sheet", "more than a list has room for-solid",
+            "few faces-solid"]},
     "physics/contact/test_clearance.py": {
-        "test_a_sheet_falls_on_a_floor_as_with_contacts_throughout": ["stages"],
+        "test_a_sheet_falls_on_a_floor_as_with_contacts_throughout": ["stages", "leaps"],
         "test_a_floor_is_met_from_where_the_fall_of_a_frame_reaches": ["newton", "stages"],
         "test_what_is_through_a_thin_wall_within_a_frame_is_caught": ["newton", "stages", "leaps"],
-        "test_what_is_in_and_out_of_reach_within_a_frame_is_caught": ["stages"],
-        "test_a_collider_that_comes_by_within_a_frame_is_met": ["march-by1", "stages-by6", "newton-by8", "march-by2"],
+        "test_what_is_in_and_out_of_reach_within_a_frame_is_caught": ["stages", "leaps"],
+        "test_a_collider_that_comes_by_within_a_frame_is_met": ["march-by1", "stages-by6", "newton-by8", "march-by2",
+            "leaps-by5"],
         "test_a_restart_goes_on_to_the_bit_from_every_frame": ["newton-float64", "stages-float64", "midpoint-float64"],
-        "test_implicit_steps_have_the_bits_of_contacts_that_find_nothing": ["newton-bdf2"]},
+        "test_implicit_steps_have_the_bits_of_contacts_that_find_nothing": ["newton-bdf2"],
+        "test_a_far_collider_leaves_explicit_steps_their_bits": ["leaps-shape3-float32", "leaps-shape4-float64"],
+        "test_no_search_finds_a_contact_of_points_within_their_clearance": ["0", "2"]},
     "physics/contact/test_collider_adjoint.py": {
         "test_a_sheet_that_slides_on_a_mesh": ["sphere-xpbd"],
         "test_by_friction_and_thickness_of_a_collider": ["plane-leapfrog", "deforming-leapfrog", "sphere-xpbd", "plane-xpbd",
@@ -57,7 +65,8 @@ PHYSICS = {
         "test_by_the_motion_of_a_collider": ["plane-leapfrog", "plane-xpbd", "deforming-xpbd", "sheet-xpbd", "sphere-xpbd",
             "deforming-leapfrog"],
         "test_a_plane_of_triangles_has_the_gradients_of_a_plane": ["xpbd-False", "leapfrog-False", "leapfrog-True"],
-        "test_by_the_restitution_of_two_colliders_in_two_worlds": ["explicit-leapfrog"]},
+        "test_by_the_restitution_of_two_colliders_in_two_worlds": ["explicit-leapfrog"],
+        "test_the_graph_of_a_deforming_mesh_has_the_bits_of_its_launches": []},
     "physics/contact/test_friction_newton.py": {
         "test_a_cloth_on_a_ball_is_strained_as_little_with_friction_as_without": ["bdf2", "backward_euler"]},
     "physics/contact/test_midpoint.py": {
@@ -66,18 +75,24 @@ PHYSICS = {
         "test_layers_fall_on_a_floor_and_never_intersect": []},
     "physics/contact/test_poses.py": {
         "test_an_outline_is_the_same_whichever_frames_it_is_worked_out_with": ["smooth", "eased", "stack"],
-        "test_a_mesh_that_swells_is_met_where_its_ball_is_near": ["newton"]},
+        "test_a_mesh_that_swells_is_met_where_its_ball_is_near": ["newton"],
+        "test_a_collider_that_moves_far_away_has_no_poses": ["catmull_rom-shape1"],
+        "test_a_broad_phase_changes_no_bit": ["0-float32"]},
+    "physics/contact/test_project.py": {
+        "test_a_resting_point_stays_for_1000_substeps": ["shape6-float64"]},
     "physics/contact/test_project_adjoint.py": {
         "test_a_sheet_that_falls_on_a_turning_collider_and_slides": ["plane-leapfrog", "sphere-leapfrog", "box-leapfrog",
             "capsule-leapfrog", "cylinder-leapfrog", "cone-leapfrog", "box-xpbd"],
-        "test_bdf2_forgets_what_was_before_a_contact": ["more0"],
+        "test_bdf2_forgets_what_was_before_a_contact": ["more0", "more1"],
         "test_a_smoothed_contact_has_no_kink_where_it_begins": ["leapfrog"]},
     "physics/contact/test_restitution.py": {
         "test_a_sheet_thrown_at_a_sphere_never_gains_energy": ["implicit-backward_euler-0.0", "implicit-bdf2-0.0",
             "xpbd-backward_euler-0.0", "xpbd-bdf2-0.0"],
         "test_sensitivities_are_those_of_the_motion": ["midpoint-118-3", "rk4-118-3", "leapfrog-90-2", "leapfrog-118-3"],
-        "test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme": ["xpbd-backward_euler", "xpbd-bdf2"],
-        "test_sensitivities_of_xpbd_are_of_first_order": []},
+        "test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme": ["xpbd-backward_euler", "xpbd-bdf2",
+            "explicit-leapfrog"],
+        "test_sensitivities_of_xpbd_are_of_first_order": [],
+        "test_the_kernel_alone_differentiates": ["True"]},
     "physics/contact/test_soft_contacts.py": {
         "test_a_bar_that_lands_and_slides": ["sphere-backward_euler"],
         "test_a_bar_that_sticks_is_carried": ["sheet-bdf2"],
@@ -94,9 +109,13 @@ PHYSICS = {
     "physics/fluid/liquid/test_sheets.py": {
         "test_liquid_poured_onto_a_pinned_sheet_stays_above_it": [],
         "test_a_mesh_whose_points_move_is_the_collider_that_moves_so": []},
+    "physics/fluid/liquid/test_transfers.py": {
+        "test_a_linear_velocity_comes_back_as_it_was": ["3"]},
     "physics/fluid/obstacles/test_obstacles.py": {
         "test_a_mesh_is_an_obstacle_as_its_shape_is": [],
         "test_a_wall_thinner_than_a_cell_does_not_leak": ["0.0"]},
+    "physics/fluid/pressure/test_pressure.py": {
+        "test_float64_goes_as_far_as_it_is_asked_to": []},
     "physics/fluid/test_accuracy.py": {
         "test_other_schemes_lose_to_the_projection_what_reflection_keeps": ["bfecc-0.0342", "linear-0.0512"]},
     "physics/fluid/test_bodies.py": {
@@ -104,23 +123,26 @@ PHYSICS = {
     "physics/fluid/test_cavity.py": {
         "test_published_extrema_are_those_of_finite_differences": ["400-0.0005", "1000-0.0015"]},
     "physics/fluid/test_scalars.py": {
-        "test_a_smooth_blob_after_a_turn": ["maccormack-0.19", "bfecc-0.145"]},
+        "test_a_smooth_blob_after_a_turn": ["maccormack-0.19", "bfecc-0.145"],
+        "test_what_is_conserved_stays_to_rounding": ["float64-1e-13"]},
     "physics/fluid/test_tiles.py": {
         "test_what_is_far_from_all_smoke_need_not_be_carried": ["n2-sides2-3", "n3-sides3-1"]},
     "physics/fused/test_abreast.py": {
         "test_any_number_of_threads_gives_the_bits_of_launch_by_launch": ["everything-2", "blown-3"]},
     "physics/fused/test_contact_faces.py": {
-        "test_threads_that_share_faces_find_the_contacts_of_one_that_tries_all": ["closed-lists", "open-lists"]},
+        "test_threads_that_share_faces_find_the_contacts_of_one_that_tries_all": ["closed-lists", "open-lists",
+            "closed-lists without room"]},
     "physics/fused/test_contact_lanes.py": {
         "test_threads_that_try_a_collider_each_find_the_contacts_of_one_that_tries_all": ["box-0.0", "plane-0.001",
-            "sphere-0.0"]},
+            "sphere-0.0", "plane-0.0", "box-0.001", "sphere-0.001"]},
     "physics/fused/test_fused.py": {
         "test_one_launch_of_many_substeps_leaves_the_bits": ["everything-float32"]},
     "physics/fused/test_stiff_few.py": {
         "test_a_mesh_of_like_triangles_and_other_solvers_keep_their_masses": ["settings0"]},
     "physics/joints/test_beside.py": {
         "test_islands_and_contacts_of_many_launches_give_the_bits_of_one": [],
-        "test_bodies_of_a_joint_pass_through_each_other_unless_it_says_that_they_collide": []},
+        "test_bodies_of_a_joint_pass_through_each_other_unless_it_says_that_they_collide": [],
+        "test_a_chain_lies_on_a_sheet_and_its_joints_stay_closed": []},
     "physics/joints/test_humanoid.py": {
         "test_worlds_of_joints_are_alike": [],
         "test_a_hinge_with_a_strong_damper_hardly_moves": [],
@@ -137,7 +159,8 @@ PHYSICS = {
         "test_a_damped_chain_sleeps_hanging_straight_and_a_thrown_ball_wakes_all_of_it_and_no_other": ["listed"],
         "test_a_driven_hinge_is_awake_while_its_target_moves_and_sleeps_behind_it": ["listed"],
         "test_what_a_joint_hangs_on_wakes_it_when_it_moves": ["listed"],
-        "test_a_chain_that_slept_goes_on_as_one_that_never_did": ["coloured"]},
+        "test_a_chain_that_slept_goes_on_as_one_that_never_did": ["coloured"],
+        "test_many_launches_give_the_bits_of_one_and_a_restart_those_of_a_run": []},
     "physics/motion/test_borne.py": {
         "test_a_cloth_that_a_box_stretches_gains_no_energy_by_leapfrog": []},
     "physics/motion/test_compensated.py": {
@@ -149,7 +172,8 @@ PHYSICS = {
     "physics/motion/test_loads.py": {
         "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives": ["implicit-sdirk3"]},
     "physics/motion/test_sheets.py": {
-        "test_any_number_of_threads_gives_the_same_bits": ["3"]},
+        "test_any_number_of_threads_gives_the_same_bits": ["3"],
+        "test_others_act_between_substeps": []},
     "physics/motion/test_shorter_steps.py": {
         "test_leapfrog_falls_on_where_its_steps_become_shorter": ["repeated"]},
     "physics/motion/test_soft_pins.py": {
@@ -164,10 +188,12 @@ PHYSICS = {
         "test_hulls_face_to_face_touch_at_four_points_with_equal_gaps": ["f64"],
         "test_hulls_anywhere_have_the_gap_of_their_differences": ["f32-0.001"],
         "test_hulls_that_nearly_touch_are_told_apart_from_those_that_do": ["f32"],
-        "test_round_shapes_have_the_gap_of_a_search_over_directions": ["f64"]},
+        "test_round_shapes_have_the_gap_of_a_search_over_directions": ["f64"],
+        "test_keys_of_hulls_last_under_small_motions": ["f64"]},
     "physics/rigid/solver/test_colours.py": {
         "test_launches_of_passes_and_colours_give_the_bits_of_one_launch": [],
-        "test_a_column_stands_and_sinks_no_more_than_this": ["20-0.008"]},
+        "test_a_column_stands_and_sinks_no_more_than_this": ["20-0.008"],
+        "test_a_heap_without_weight_keeps_its_momentum": []},
     "physics/rigid/solver/test_converged.py": {
         "test_fixed_sweeps_come_near_to_the_converged_motion": []},
     "physics/rigid/solver/test_sleep.py": {
@@ -178,7 +204,8 @@ PHYSICS = {
         "test_a_repeated_run_and_a_restart_are_the_same_to_the_bit": ["coloured"]},
     "physics/rigid/standing/test_floors.py": {
         "test_a_box_slides_over_triangles_as_far_as_friction_lets_it_and_does_not_catch": ["float64-1", "float32-1",
-            "float32-32"]},
+            "float32-32"],
+        "test_a_ball_rests_on_the_bounds_of_a_mesh": ["boundingCube-1.0"]},
     "physics/rigid/standing/test_stacks.py": {
         "test_everyday_objects_stand_at_the_defaults_of_a_stage": ["tower", "twenty cubes of four millimetres"]},
     "physics/rigid/standing/test_statics.py": {
@@ -223,6 +250,8 @@ PHYSICS = {
         "test_strands_that_fall_on_a_soft_body_lie_on_it": ["explicit"]},
     "physics/rods/test_body_edges.py": {
         "test_a_box_that_falls_between_points_is_caught": ["edge-touching", "corner-alone", "corner-touching"]},
+    "physics/rods/test_deforming.py": {
+        "test_points_with_keys_carry_strands_as_a_prim_that_moves": ["False-False"]},
     "physics/rods/test_nets.py": {
         "test_every_substep_of_a_net_under_bodies_is_solved": ["5-0.03-0.0", "4-0.1-0.5"]},
     "physics/selfcontact/test_colliders.py": {
@@ -282,6 +311,8 @@ PHYSICS = {
         "test_a_smooth_load_takes_a_fifth_of_the_iterations_of_block_jacobi": ["1000.0"]},
     "physics/solver/schwarz/test_steps.py": {
         "test_orders_on_stiff_cloth": ["backward_euler-1.0", "sdirk3-1.6", "bdf2-2.0"]},
+    "physics/solver/test_coarse_space.py": {
+        "test_iterations_do_not_grow_with_the_number_of_points": []},
     "physics/solver/test_newton.py": {
         "test_solved_steps_follow_an_independent_solver": ["implicit_midpoint", "sdirk3"],
         "test_a_drape_stays_outside_and_has_the_same_bits_twice": ["float32"],
@@ -292,7 +323,8 @@ PHYSICS = {
         "test_what_stands_on_its_feet_gives_way_by_statics": [],
         "test_a_sheet_that_slides_on_a_floor_along_a_wall": [],
         "test_a_recording_ends_where_a_simulation_of_many_newton_steps_does": [],
-        "test_a_sheet_that_sticks_to_a_turning_plane_is_carried": []},
+        "test_a_sheet_that_sticks_to_a_turning_plane_is_carried": [],
+        "test_what_is_thrown_back": []},
     "physics/solver/test_newton_adjoint_limits.py": {
         "test_a_sheet_that_is_pulled": ["backward_euler-both"],
         "test_triangles_and_a_soft_pin": [],
@@ -301,7 +333,8 @@ PHYSICS = {
         "test_what_is_thrown_back": [],
         "test_checkpoints_and_worlds_give_the_same": ["<lambda>1"],
         "test_float32_is_near_float64": ["<lambda>1"],
-        "test_a_recording_says_how_far_it_is_from_a_simulation": ["0.0-implicit-1e-05-1e-08", "0.4-implicit-0.2-0.02"],
+        "test_a_recording_says_how_far_it_is_from_a_simulation": ["0.0-implicit-1e-05-1e-08", "0.4-implicit-0.2-0.02",
+            "0.4-auto-0-0"],
         "test_where_a_moving_pin_puts_its_points": ["bdf2", "sdirk3"],
         "test_lengths_at_rest_are_what_limits_and_tethers_allow": ["tethers-backward_euler"]},
     "physics/solver/test_newton_surfaces.py": {
@@ -313,11 +346,14 @@ PHYSICS = {
         "test_a_scene_adds_no_kernel_to_a_module_that_another_has_filled": ["membrane"]},
     "physics/solver/test_sweep_strain.py": {
         "test_no_seam_tears_where_triangles_of_1_to_62_carry_a_cloth": ["65-1"]},
+    "physics/solver/test_xpbd.py": {
+        "test_recorded_projection_has_the_right_gradient": ["dihedral", "membrane"]},
     "physics/solver/test_xpbd_adjoint.py": {
         "test_soft_pins": ["more1", "more3", "more2"],
-        "test_undone_sweeps_are_as_good_as_fresh_buffers": ["membrane-inf-False", "springs-inf-True"],
-        "test_a_launch_for_each_colour_gives_the_same_as_one_for_all": ["membrane-0.0002", "springs-0.0"],
+        "test_undone_sweeps_are_as_good_as_fresh_buffers": ["membrane-inf-False", "springs-inf-True", "springs-0.003-False"],
+        "test_a_launch_for_each_colour_gives_the_same_as_one_for_all": ["membrane-0.0002", "springs-0.0", "membrane-0.0"],
         "test_a_stiff_sheet_of_240_substeps": ["membrane", "springs"],
         "test_a_chain": ["bdf2-16", "implicit_midpoint-16"],
-        "test_a_sheet_that_stretches_shears_and_bends": ["membrane"]},
+        "test_a_sheet_that_stretches_shears_and_bends": ["membrane"],
+        "test_wind": ["more0"]},
 }
