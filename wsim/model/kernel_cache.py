@@ -2,8 +2,9 @@
 
     cache     a module is a folder of the cache: binary, table of kernels (.meta), source. Warp trusts what lies there, and a
               cut or garbled file fails every later run, or crashes it. So a module that was loaded leaves the digests of its
-              files beside them (RECORD); what does not agree with those, or has none and is not just being made, is removed
-              and compiled once more. What fails then too is said with the cache and the way out, WARP_CACHE_PATH.
+              files beside them (RECORD), and the version of `wsim.model.compiler` that made them; what does not agree with
+              those, or has none and is not just being made, is removed and compiled once more. What fails then too is said
+              with the cache and the way out, WARP_CACHE_PATH.
     lock      Warp compiles and captures for the whole process: launches of another thread would go into the graph that this
               one captures. Threads that step share the gate; who builds, compiles or captures has it alone.
 """
@@ -25,10 +26,13 @@ from typing import Any
 
 import warp as wp
 
+from wsim.model import warp_private
 from wsim.model.compiler import variants
+from wsim.model.compiler.version import version
 from wsim.scene import Problem, SceneError
 
-RECORD = "wsim.json"     # {file: digest} of a module's folder
+RECORD = "wsim.json"     # {file: digest} of a module's folder, and of what rewrote its source
+COMPILER = "compiler"
 FRESH = 60.0             # [s] for which a folder without a record may be the work of a process that is about to leave one
 SEEN: set[tuple] = set()         # (cache, module) that this process has looked at
 STARTED: list[bool] = []         # not empty: Warp has been started
@@ -141,12 +145,12 @@ def load(module, device, block_dim: int | None = None) -> None:
     the cache is damaged. Raises SceneError where the cache takes or gives nothing; errors of the code itself as they are."""
     module = module if isinstance(module, wp.Module) else wp.get_module(getattr(module, "__name__", module))
     with GATE.alone():
-        known, place = dict(module.execs), (wp.config.kernel_cache_dir, module.name)
+        known, place = warp_private.executables(module), (wp.config.kernel_cache_dir, module.name)
         try:
             if place not in SEEN:
                 _remove(_unsound(module.name))
                 SEEN.add(place)
-            if not Path(str(place[0]), module.get_module_identifier(1 if device.is_cpu else block_dim)).exists():
+            if not warp_private.in_cache(module, 1 if device.is_cpu else block_dim):
                 probe()
             with variants.single(device.is_cpu):
                 wp.load_module(module, device=device, block_dim=block_dim)
@@ -154,7 +158,7 @@ def load(module, device, block_dim: int | None = None) -> None:
             raise
         except Exception:
             _again(module, device, block_dim)
-        if module.execs != known:
+        if known is None or warp_private.executables(module) != known:
             _record(module.name)
 
 
@@ -194,7 +198,7 @@ def _again(module, device, block_dim: int | None) -> None:
     """A second time from nothing: without the folders, and without Warp's memory of the failure."""
     try:
         _remove(_folders(module.name))
-        module.mark_modified()
+        warp_private.forget(module)
         with variants.single(device.is_cpu):
             wp.load_module(module, device=device, block_dim=block_dim)
     except Exception as error:
@@ -261,7 +265,8 @@ def _unsound(name: str) -> list[Path]:
         try:
             now = _digests(folder)
             known = json.loads((folder / RECORD).read_bytes()) if (folder / RECORD).exists() else {}
-            differs = any(now.get(file, digest) != digest for file, digest in known.items())
+            stale = bool(known) and known.get(COMPILER) != version()
+            differs = stale or any(now.get(file, digest) != digest for file, digest in known.items())
             if differs or (now.keys() - known.keys() and time.time() - folder.stat().st_mtime > FRESH):
                 found.append(folder)
         except FileNotFoundError:                          # gone meanwhile
@@ -282,7 +287,7 @@ def _record(name: str) -> None:
     """Leaves the digests of folders that have none, or to which a file came."""
     for folder in _folders(name):
         try:
-            kept, now = folder / RECORD, _digests(folder)
+            kept, now = folder / RECORD, _digests(folder) | {COMPILER: version()}
             if not kept.exists() or json.loads(kept.read_bytes()).keys() != now.keys():
                 part = folder / f"{RECORD}.{os.getpid()}"
                 part.write_text(json.dumps(now))

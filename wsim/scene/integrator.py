@@ -2,8 +2,8 @@
 
     explicit, stages (c, b):     x_s = x + c h v_(s-1),  v_s = v + c h a_(s-1),  a_s = a(x_s, v_s)
                                  x' = x + h sum b v_s,   v' = v + h sum b a_s        (Runge-Kutta of low storage)
-    explicit, kicks and drifts:  v += kick h a(x, v),    x += drift h v              (in turn; a kick after a drift of 0
-                                 is one with the next one)
+    explicit, kicks and drifts:  v += kick h a(x, v),    x += drift h v              (one of each, or a kick before and one
+                                 behind a whole drift, which is one with the next step's)
     implicit, g over h:          v' = v~ + g a(x', v'),  x' = a~ + g v', see kernels/motion/points.py, at the `nodes` of a
                                  step, one solve each; a single node before its end is prolonged to it (`beyond`); with
                                  `memory`, v~ and a~ carry on a part of the step before
@@ -37,6 +37,11 @@ class Integrator:
     title: str = ""                                   # in a sentence
     motion: str = "wsim.physics.motion.points.Euler"  # the class that predicts, and ends a substep
     limit_undamped: float = 0.0                       # 0: grows at any h
+
+    def __post_init__(self) -> None:
+        if self.steps and [drift for _, drift in self.steps] not in ([1.0], [1.0, 0.0]):
+            raise ValueError(f"integrator {self.name}: steps are {self.steps}; allowed: one kick and a drift of 1, or two "
+                             "kicks with drifts of 1 and 0; write other methods as stages")
 
     @property
     def explicit(self) -> bool:

@@ -8,11 +8,10 @@ import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from pathlib import Path
 
 import warp as wp
 
-from wsim.model import kernel_cache
+from wsim.model import kernel_cache, warp_private
 from wsim.model.compiler import variants
 
 
@@ -21,8 +20,7 @@ def compile_all(modules: Mapping[str, int | None], device) -> None:
     which a CPU does not ask for. Raises SceneError where the cache takes nothing."""
     with kernel_cache.GATE.alone():
         blocks = {wp.get_module(name): 1 if device.is_cpu else block for name, block in modules.items()}
-        lacking = {module: block for module, block in blocks.items()
-                   if not Path(str(wp.config.kernel_cache_dir), module.get_module_identifier(block)).exists()}
+        lacking = {module: block for module, block in blocks.items() if not warp_private.in_cache(module, block)}
         if len(lacking) < 2 or wp.config.use_precompiled_headers:            # of which each thread would make its own
             return
         kernel_cache.probe()
@@ -33,4 +31,4 @@ def compile_all(modules: Mapping[str, int | None], device) -> None:
 
 def _compile(module, device, block: int | None) -> None:
     with suppress(Exception):
-        module._compile(device, options=module.resolved_options[block])      # of the hash that is the name of its folder
+        warp_private.compile_apart(module, device, block)

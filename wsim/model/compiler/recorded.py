@@ -20,8 +20,8 @@ from functools import cache
 from typing import Any
 
 import warp as wp
-from warp._src import context
-from warp._src.codegen import Struct, StructInstance
+
+from wsim.model.warp_private import Instance, Struct, context, private
 
 INFO = ("kernel_key", "module_hash", "is_forward", "_pad", "params", "num_params", "kernel_dim", "value_data_size",
         "value_data", "adj_params", "num_relocs", "_pad2", "relocs")
@@ -35,7 +35,7 @@ BACK = frozenset(("adjoint", "adj_inputs", "adj_outputs"))         # words of a 
 def lean() -> type | None:
     """A class of captures of the installed Warp that records so; None: Warp is not as known here."""
     try:
-        from warp._src.apic import capture, types
+        capture, types = private("apic.capture"), private("apic.types")
         known = (tuple(field[0] for field in types.APICLaunchInfo._fields_) == INFO
                  and tuple(field[0] for field in types.APICLaunchParamRecord._fields_) == PARAMETER
                  and tuple(inspect.signature(capture.APICapture.build_launch_info).parameters) == ARGUMENTS
@@ -47,7 +47,7 @@ def lean() -> type | None:
 
 def lighten() -> None:
     """Lets the capture of a CPU that has begun record arguments as bytes."""
-    capture: Any = getattr(context.runtime, "_apic_capture", None)
+    capture: Any = getattr(getattr(context, "runtime", None), "_apic_capture", None)
     found: Any = lean() if capture is not None else None
     if found and type(capture) is found.__mro__[2] and capture.device.is_cpu and not capture.apic_savable:
         capture.__class__ = found
@@ -57,7 +57,7 @@ def lighten() -> None:
 
 def launch(kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, device=None, **how) -> None:
     """Launches a kernel as `wp.launch`. In a capture of a CPU it is recorded without a look where it was launched before."""
-    capture = getattr(context.runtime, "_apic_capture", None)
+    capture = getattr(getattr(context, "runtime", None), "_apic_capture", None)
     if not isinstance(capture, Lean) or not capture.again(kernel, dim, [*inputs, *outputs], device, how):
         wp.launch(kernel, dim, inputs, outputs, device=device, **how)
 
@@ -136,7 +136,7 @@ class Lean:
                 if pack is None:
                     pack = before[key] = context.pack_arg(kernel, argument.type, argument.label, value, self.device, adjoint)
                 found.append(pack)
-            elif isinstance(value, StructInstance) and isinstance(argument.type, Struct):
+            elif isinstance(value, Instance) and isinstance(argument.type, Struct):
                 found.append(value.__ctype__())
             else:
                 found.append(context.pack_arg(kernel, argument.type, argument.label, value, self.device, adjoint))
@@ -144,7 +144,7 @@ class Lean:
 
     def keep(self, values) -> None:
         for value in values:
-            if isinstance(value, StructInstance):
+            if isinstance(value, Instance):
                 self.keep_struct(value)
             elif not isinstance(value, (int, float)):
                 self.kept[id(value)] = value
@@ -157,7 +157,7 @@ class Lean:
         of = tuple(map(id, values))
         found = self.structs.get(of)
         if found is None:
-            found = self.structs[of] = values, [value for value in values if isinstance(value, StructInstance)]
+            found = self.structs[of] = values, [value for value in values if isinstance(value, Instance)]
             self.keep(value for value in values if isinstance(value, wp.array))
         for value in found[1]:
             self.keep_struct(value)

@@ -2,7 +2,8 @@
 
 Warp 1.19 compiles a second variant of most CPU kernels, for arrays without gaps: a third of the time to compile a scene, the
 same bits, 0 to 5 % of run time. Its configuration has no word for it, so its question whether a kernel may have one is answered
-here, while a module of ours is loaded. Where Warp has no such question, or compiles by other names, nothing is changed.
+here, while a module of ours is loaded. Where Warp has no such question, or compiles by other names, nothing is changed
+(`wsim.model.warp_private`).
 
 Functions that stand by themselves, `wp.func(inline=False)`, are long ones: those of a pair of bodies and of a contact of
 rigid bodies, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such
@@ -18,9 +19,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from warp._src import build, codegen
-
 from wsim.model.compiler import header, source
+from wsim.model.warp_private import build, codegen
 
 QUESTION = "cpu_linear_contiguous_specialization_candidate"
 WORDS, APART = "_INLINE_ATTRS", "noinline"

@@ -20,6 +20,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.motion.threads import MOST as MOST_THREADS
+from wsim.model import warp_private
 from wsim.model.structs import values
 from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.fused.program import Program, is_struct, longest, place
@@ -126,8 +127,7 @@ class Fuser:
         module, other = (wp.get_module(self.model.module + end) for end in ("", "_apart"))
         for kernel in self.within - launched if self.teams else ():
             if module.kernels.pop(kernel.key, None) is kernel:
-                module._live_kernels.discard(kernel)
-                module.mark_modified()
+                warp_private.drop(module, kernel)
                 kernel.module = other
                 other.register_kernel(kernel)
                 self.apart.append(kernel)

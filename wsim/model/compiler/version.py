@@ -1,0 +1,41 @@
+"""Which version of this package rewrote the source of a binary: what it makes of a module is no part of Warp's hash."""
+
+import hashlib
+import inspect
+from functools import cache
+from pathlib import Path
+from types import FunctionType, ModuleType
+
+from wsim.model.compiler import header, source, variants
+from wsim.model.warp_private import PLAIN
+
+MODULES = (header, source, variants)
+
+
+def version() -> str:
+    """Digest of the text of the modules that rewrite, and of functions that were put in place of theirs; "plain" where nothing
+    is rewritten."""
+    if PLAIN:
+        return "plain"
+    found = hashlib.blake2b(digest_size=16)
+    for module in MODULES:
+        found.update(_text(module))
+        for name, value in sorted(vars(module).items()):
+            if isinstance(value, FunctionType) and value.__module__ not in {m.__name__ for m in MODULES} | LENT:
+                found.update(f"{name} {_written(value)}".encode())
+    return found.hexdigest()
+
+
+LENT = {"contextlib", "functools"}                  # of which these modules take functions
+
+
+def _written(function: FunctionType) -> str:
+    try:
+        return inspect.getsource(function)
+    except (OSError, TypeError):                    # typed at a prompt
+        return function.__code__.co_code.hex()
+
+
+@cache
+def _text(module: ModuleType) -> bytes:
+    return Path(str(module.__file__)).read_bytes()

@@ -1,0 +1,75 @@
+"""Every name of Warp that its documentation does not have, and what wsim does where an installed Warp lacks it.
+
+    build, codegen    modules that compile: patched while a module of ours is compiled, so that a CPU has one variant of each
+                      kernel, from rewritten source (`wsim.model.compiler.variants`). Without: Warp compiles as ever, a first
+                      frame takes longer
+    apic.capture, apic.types, context
+                      captures and what packs arguments, for launches recorded as bytes (`wsim.model.compiler.recorded`).
+                      Without: Warp records, and capturing a frame takes longer
+    Struct, Instance  types of structs and of their values, for the same
+    folder_name       folder of a module in the cache: whether it has to be compiled. Without: it is looked up by loading it
+    executables       what was loaded of a module: whether it was compiled just now. Without: it is taken as changed
+    forget            makes Warp compile a module anew. Without: what the cache has is loaded once more
+    compile_apart     compiles a module without loading it, for several in parallel. Without: one after the other, when loaded
+    drop              takes a kernel out of a module that launches a fused one in its place. Without: both are compiled
+
+WSIM_PLAIN_WARP=1 does without all that changes how Warp compiles and records: for a comparison, or a suspicion.
+"""
+
+import importlib
+import os
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+PLAIN = os.environ.get("WSIM_PLAIN_WARP", "0") not in ("", "0")
+
+
+def private(name: str) -> Any:
+    """A module of Warp's inside; None where it has none of that name, or plain Warp is asked for."""
+    try:
+        return None if PLAIN else importlib.import_module(f"warp._src.{name}")
+    except ImportError:
+        return None
+
+
+build, codegen, context = private("build"), private("codegen"), private("context")
+Struct: Any = getattr(codegen, "Struct", ())               # an empty tuple of types: nothing is one
+Instance: Any = getattr(codegen, "StructInstance", ())
+
+
+def folder_name(module: wp.Module, block: int | None) -> str | None:
+    """Name of a module's folder in the cache, by its hash; None: unknown."""
+    found = getattr(module, "get_module_identifier", None)
+    return None if found is None else found(block)
+
+
+def in_cache(module: wp.Module, block: int | None) -> bool:
+    """Whether the cache has a module, as far as that is known before it is loaded."""
+    name = folder_name(module, block)
+    return name is not None and Path(str(wp.config.kernel_cache_dir), name).exists()
+
+
+def executables(module: wp.Module) -> dict | None:
+    """What was loaded of a module; None: unknown."""
+    found = getattr(module, "execs", None)
+    return dict(found) if isinstance(found, dict) else None
+
+
+def forget(module: wp.Module) -> None:
+    """Makes Warp forget what it knows of a module."""
+    getattr(module, "mark_modified", lambda: None)()
+
+
+def compile_apart(module: wp.Module, device, block: int | None) -> None:
+    """Compiles a module into the cache. Raises AttributeError where this Warp cannot."""
+    module._compile(device, options=module.resolved_options[block])                # of the hash that is the name of its folder
+
+
+def drop(module: wp.Module, kernel: wp.Kernel) -> None:
+    """Takes a kernel that nobody launches out of a module."""
+    kernels = getattr(module, "_live_kernels", None)
+    if kernels is not None:
+        kernels.discard(kernel)
+    forget(module)
