@@ -39,6 +39,7 @@ def structs(real):
         place: wp.array(dtype=t.transform)     # to the frame: of a body its centre of mass and principal axes
         ball: wp.array(dtype=real)             # radius of a ball about the shape's origin that holds it; < 0: it has no end
         skin: wp.array(dtype=real)             # radius of what is round
+        core: wp.array(dtype=t.vec4)           # centre in the shape's frame and radius of a ball well inside it
         friction: wp.array(dtype=t.vec2)       # static, dynamic; (shapes + (worlds - 1) stills,), see `surfaces`
         restitution: wp.array(dtype=real)      # likewise
         still: int                             # first shape of a collider that stands: those are in all worlds

@@ -17,6 +17,7 @@ from wsim.kernels.rigid.complementarity.impact_time import behind
 from wsim.kernels.rigid.contact import surfaces, whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind, at_once, by_colour
+from wsim.kernels.rigid.lists.core import CORE
 from wsim.kernels.rigid.soft_step import goals
 
 ROUNDS, MET = 64, 1.0e-4           # MET: part of the speed to which the sweeps go
@@ -91,7 +92,8 @@ def marks(real, met: float = MET, timed: bool = False):
             u = wp.dot(n, slip(two, j, rig))
             gap = wp.max(rig.work.now[j], real(0.0))
             speed = wp.sqrt(wp.max(u * u + real(2.0) * a * gap, real(0.0)))
-            if e > real(0.0) and u < real(0.0) and gap + real(SOONER) * h * (u - h * wp.max(a, real(0.0))) < real(0.0):
+            touches = gap + real(SOONER) * h * (u - h * wp.max(a, real(0.0))) < real(0.0)
+            if e > real(0.0) and rig.c.key[j] != CORE and u < real(0.0) and touches:
                 if speed > real(REST) * h * wp.abs(a) and speed > real(STILL) * fastest(m, rig):
                     if timed:
                         rig.work.goal[j] = u + (real(1.0) + e) * speed

@@ -11,6 +11,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
+from wsim.kernels.rigid.lists.core import HIT, cores
 from wsim.kernels.rigid.lists.manifold import manifold
 from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, meeting, needing
 from wsim.kernels.rigid.lists.rows import keep_row, lasts, posing, writing
@@ -29,6 +30,7 @@ def collide(pairs, real, module):
     needed, of, prepare = needing(real), meeting(real), formulas(real)[1]
     Twist, twist, advanced, hurried, closing = of.Twist, of.twist, of.advanced, of.hurried, of.closing
     margin, size = of.margin, of.size
+    reached, alone, stopped = cores(real)
 
     @wp.func
     def until(mm: Manifold, p: Posed, both: Twist):
@@ -50,6 +52,56 @@ def collide(pairs, real, module):
             if i < mm.count:
                 gap = wp.min(gap, mm.gap[i])
         return gap
+
+    @wp.func
+    def held(mm: Manifold, ahead: Manifold, q: Posed, core: int, m: int, near: real, rig: Rig):
+        """A manifold with the core as a point, if that touches in the substep; ahead: of the core alone."""
+        out = mm
+        r = rig.s.core[wp.where(core > 0, rig.c.a[m], rig.c.b[m])][3]
+        if ahead.count > 0 and mm.count > 0:
+            if ahead.gap[0] <= real(HIT) * r + near:
+                own = alone(q, core, m, rig)
+                c = wp.where(core > 0, wp.transform_get_translation(own.pose_a), wp.transform_get_translation(own.pose_b))
+                out = stopped(mm, ahead.n, c - wp.transform_get_translation(q.pose_a), real(core) * r)
+        return out
+
+    @wp.func
+    def met(p: Posed, both: Twist, h: real, m: int, H: Hulls, rig: Rig):
+        """A manifold, and the poses that it is of: those of now, or of the time of impact."""
+        mm = Manifold()
+        ahead = Manifold()
+        q = p
+        fast = hurried(both, h, m, rig)
+        near = real(TOUCHES) * size(m, rig)
+        core = int(0)
+        steps = int(STEPS)
+        parts = int(2)
+        for part in range(parts):                      # the shapes, then the core of one alone
+            time = real(0.0)
+            if part == 1:
+                if fast and mm.count > 0:
+                    core = reached(least(mm), h * wp.length(both.v_a - both.v_b), m, rig)
+                if core == 0:
+                    break
+            for step in range(steps):
+                then = advanced(p, both, time, m, rig)
+                if part == 1:
+                    then = alone(then, core, m, rig)
+                at = found(then.a, then.b, H, then.pose_a, then.pose_b, p.margin)
+                if part == 1:
+                    ahead = at
+                elif step == 0 or at.count > 0:
+                    mm = at
+                    q = then
+                if not fast or at.count == 0 or least(at) <= near:
+                    break
+                more = until(at, then, both)
+                if more < real(0.0) or time + more > real(LATER) * h:
+                    break
+                time += more
+        if core != 0:
+            mm = held(mm, ahead, q, core, m, near, rig)
+        return mm, q
 
     @wp.func(inline=False)
     def written(m: int, k: int, row: int, mm: Manifold, p: Posed, last: Last, rig: Rig):
@@ -87,24 +139,7 @@ def collide(pairs, real, module):
                 p = posed(m, k, rig)
                 both = twist(m, k, h, rig)
                 p.margin = margin(both, h, m, p, rig)
-                q = p
-                fast = hurried(both, h, m, rig)
-                near = real(TOUCHES) * size(m, rig)
-                mm = Manifold()
-                time = real(0.0)
-                steps = int(STEPS)
-                for step in range(steps):
-                    then = advanced(p, both, time, m, rig)
-                    at = found(p.a, p.b, H, then.pose_a, then.pose_b, p.margin)
-                    if step == 0 or at.count > 0:
-                        mm = at
-                        q = then
-                    if not fast or at.count == 0 or least(at) <= near:
-                        break
-                    more = until(at, then, both)
-                    if more < real(0.0) or time + more > real(LATER) * h:
-                        break
-                    time += more
+                mm, q = met(p, both, h, m, H, rig)
                 written(m, k, row, mm, q, last, rig)
 
     return wp.kernel(rigid_collide, name="rigid_collide", module=module, enable_backward=False)

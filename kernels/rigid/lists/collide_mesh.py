@@ -14,10 +14,12 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.contact.shape import SPHERE
 from wsim.kernels.math.eigen import identity
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
+from wsim.kernels.rigid.lists.core import cores_on_meshes
 from wsim.kernels.rigid.lists.manifold import manifold, reduction
 from wsim.kernels.rigid.lists.pairs import ROWS
 from wsim.kernels.rigid.lists.renewal import LATER, STEPS, TOUCHES, meeting, needing
@@ -196,6 +198,7 @@ def collide_mesh(kinds: frozenset[str], real, module):
     write, (Posed, posed), walk = writing(real), posing(real), walking(kinds, real)
     known, point, poses, keep = write.known, write.point, write.poses, keep_row(real)
     needed, of, prepare, approaching = needing(real), meeting(real), formulas(real)[1], approach(real)
+    block = cores_on_meshes(real)
     twist, advanced, hurried, margin, size = of.twist, of.advanced, of.hurried, of.margin, of.size
 
     @wp.func
@@ -273,6 +276,8 @@ def collide_mesh(kinds: frozenset[str], real, module):
                         if least <= real(TOUCHES) * size(m, rig) or more < real(0.0) or time + more > real(LATER) * h:
                             break
                         time += more
+                    if fast and rig.s.kind[a] != SPHERE:
+                        block(m, q, both, h, S, rig)
                     written(m, k, row, q, last, rig)
         elif a >= 0 and rig.s.kind[rig.c.b[m]] == MESH:
             rig.c.count[m] = 0                          # no room for all rows of its pair

@@ -18,6 +18,11 @@ def kinds(bodies: list, colliders: list[Collider]) -> frozenset[tuple[str, str]]
         (one, "mesh") for one in mine if "mesh" in still)
 
 
+def with_cores(pairs: frozenset[tuple[str, str]]) -> frozenset[tuple[str, str]]:
+    """Pairs of a ball, the core of a shape, with what that shape can meet."""
+    return frozenset(("sphere", kind) for pair in pairs if "plane" not in pair for kind in pair if kind != "sphere")
+
+
 def seams(scene) -> frozenset[str]:
     """Kinds of colliders that may lie flush beside another; none where one stands alone, or in the converged mode."""
     found = [met.kind for c in standing(scene.colliders) if (met := as_met(c, False)) is not None]

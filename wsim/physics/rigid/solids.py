@@ -19,7 +19,7 @@ from wsim.geometry.winding import wound_alike
 from wsim.physics.rigid.mass import approximated, volume
 from wsim.scene import Collider, Surface
 from wsim.scene.methods import dressed
-from wsim.scene.solids import Capsule, Plane, Shape, Sphere, row
+from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Shape, Sphere, row
 
 MOST = 128                 # vertices of a hull: more are left out, those that stand out least
 CONVEX = 0.01              # part of a hull's volume that a mesh may lack and count as convex
@@ -58,6 +58,24 @@ class Met:
         if self.shape is not None:
             return row(self.shape).size(self.shape)
         return NOWHERE if self.mesh is None else tuple(np.abs(self.mesh[0]).max(axis=0))
+
+    @property
+    def core(self) -> tuple[float, float, float, float]:
+        """Centre and radius of a ball of half the size of one that fits in [m]; radius 0: there is none."""
+        center, radius, shape = NOWHERE, 0.0, self.shape
+        if isinstance(shape, Box):
+            radius = min(shape.half)
+        elif isinstance(shape, Cylinder):
+            radius = min(shape.radius, shape.half_height)
+        elif isinstance(shape, Cone):
+            slope = shape.radius / np.hypot(shape.radius, 2.0 * shape.half_height)
+            radius = slope * shape.half_height
+        elif isinstance(shape, (Sphere, Capsule)):
+            radius = shape.radius
+        elif self.hull is not None:
+            center = tuple(self.hull.vertices.mean(axis=0).tolist())
+            radius = float((self.hull.offsets - self.hull.normals @ center).min())
+        return (*center, 0.5 * radius)
 
     @property
     def skin(self) -> float:

@@ -18,6 +18,6 @@ def test_what_is_struck_leaves_along_the_normal_at_the_time_of_impact(pair):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("where", ["box/24x10/e0", "mesh/24x10/e0", "body/24x10/e0", "box/24x10/e0/spin25"])
+@pytest.mark.parametrize("where", [f"{wall}/24x10/e0{spin}" for wall in ("box", "mesh", "body") for spin in ("", "/spin25")])
 def test_nothing_passes_a_wall_of_two_millimetres_at_a_hundred_metres_a_second(where):
     check_case(f"wall/{where}")

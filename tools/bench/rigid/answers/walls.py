@@ -6,16 +6,17 @@ import numpy as np
 
 from tools.bench.rigid.answers.case import Case, Figure
 from tools.bench.rigid.answers.rolling import named
-from tools.bench.rigid.answers.shapes import grid
+from tools.bench.rigid.answers.shapes import grid, prism
 from tools.bench.rigid.answers.stage import NONE, RATES, Stage, turned
-from wsim.scene import Box, Cylinder, Sphere
+from wsim.scene import Box, Capsule, Cone, Cylinder, Sphere
 
 SPEEDS, THICK = (10.0, 30.0, 100.0), (0.002, 0.01)
 UPRIGHT = turned((0.0, 1.0, 0.0), 90.0)                     # own z along x
 BODIES = {"ball": (Sphere(0.05), NONE), "small ball": (Sphere(0.01), NONE), "cube": (Box((0.05,) * 3), NONE),
           "cube, corner first": (Box((0.05,) * 3), turned((1.0, -1.0, 0.0), 54.7)),
           "plate, flat": (Box((0.005, 0.2, 0.2)), NONE), "plate, edge first": (Box((0.2, 0.2, 0.005)), NONE),
-          "disc, flat": (Cylinder(0.1, 0.005), UPRIGHT)}
+          "disc, flat": (Cylinder(0.1, 0.005), UPRIGHT), "disc, edge first": (Cylinder(0.1, 0.005), NONE),
+          "cone": (Cone(0.05, 0.1), UPRIGHT), "capsule": (Capsule(0.02, 0.1), NONE), "prism": (prism(8, 0.1, 0.005), UPRIGHT)}
 
 
 def shots(precision: str, rate, wall: str, rest: float, spin: float = 0.0) -> tuple[list[Figure], float]:
@@ -45,7 +46,8 @@ def shots(precision: str, rate, wall: str, rest: float, spin: float = 0.0) -> tu
     return found, track.cpu
 
 
-WALLS = (("box", 0.0, 0.0), ("mesh", 0.0, 0.0), ("body", 0.0, 0.0), ("box", 0.5, 0.0), ("box", 0.0, 25.0))
+WALLS = (("box", 0.0, 0.0), ("mesh", 0.0, 0.0), ("body", 0.0, 0.0), ("box", 0.5, 0.0), ("box", 0.0, 25.0), ("mesh", 0.0, 25.0),
+         ("body", 0.0, 25.0))
 
 
 def cases() -> list[Case]:

@@ -25,7 +25,7 @@ from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.rigid import forms, surfaces
 from wsim.physics.rigid.contacts.pair_list import PairList
-from wsim.physics.rigid.meetings import bounces, kinds, places_of, put, seams
+from wsim.physics.rigid.meetings import bounces, kinds, places_of, put, seams, with_cores
 from wsim.physics.rigid.solids import as_met, meeting, standing
 from wsim.scene import Collider
 
@@ -61,7 +61,7 @@ class Contacts:
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.pairs = frozenset(p for p in met if p[1] != "mesh")
-        self.collide = collide.collide(self.pairs, real, module)
+        self.collide = collide.collide(self.pairs | with_cores(self.pairs), real, module)
         self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
         tiles = seams(b.scene)
         self.flush = flush.flush(tiles - {"mesh"}, real, module) if tiles else []
@@ -108,12 +108,12 @@ class Contacts:
             return self.model.upload(np.array(values, np.int32 if dtype is int else self.model.dtype), dtype)
         self.table = filled(
             Shapes, frame=array([k for k, *_ in rows_of], int), world=array([w for _, w, *_ in rows_of], int),
-            kind=array([KINDS[met.kind] for met in forms_of], int),
+            kind=array([KINDS[met.kind] for met in forms_of], int), core=array([met.core for met in forms_of], t.vec4),
             row=array([number.get(k, 0) for k in range(len(rows_of))], int),
             size=array([met.size for met in forms_of], t.vec3), place=array(places, t.transform),
             ball=array([met.ball for met in forms_of], real), skin=array([met.skin for met in forms_of], real),
             friction=array([(c.static_friction, c.dynamic_friction) for _, _, c, _ in with_worlds], t.vec2),
-            restitution=array([c.restitution for _, _, c, _ in with_worlds], real), still=mine,
+            restitution=array([c.restitution for *_, c, _ in with_worlds], real), still=mine,
             origin=wp.array(np.concatenate([method.origin, self.still_origin]), dtype=wp.vec3d, device=self.device))
 
     def _lists(self, room: int) -> None:
