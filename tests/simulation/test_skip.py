@@ -61,13 +61,13 @@ def room(place: str, names: str) -> set[str]:
 
 SCENE = (room("scene", "scene bodies solid solids curve.curve curve.motion fabric") | room("scene.check", "scene objects mesh")
          | room("scene.values", "table value") | room("geometry", "triangulate topology memo rotation"))
-LOADER = room("geometry", "primitives")       # read with wsim.usd, whose own modules are not told apart by scene
+LOADER = room("geometry", "primitives winding")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt")
-       | room("simulation.predicted", "errors measured sweep_strain sag")
+       | room("simulation.predicted", "errors measured growth sweep_strain sag")
        | room("simulation.measure", "indicators exceeded") | room("scene.nodal", "masses separate")
        | room("scene", "integrator methods samples")
-       | room("model", "stage state status model midnodes launches kernel_cache structs vjp")
-       | room("model.compiler", "variants source header recorded")
+       | room("model", "stage state status model midnodes launches kernel_cache structs vjp warp_private")
+       | room("model.compiler", "variants source header recorded version")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")

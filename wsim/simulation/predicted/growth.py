@@ -24,7 +24,6 @@ from math import exp, sqrt
 
 import numpy as np
 
-from wsim.kernels.contact.project import TOUCHED
 from wsim.model.model import edge_lengths
 from wsim.scene import Box, Cloth, Cone, Cylinder
 from wsim.simulation.measure.indicators import edge_strain
@@ -104,7 +103,10 @@ class Leapfrog(Growth):
         speed = float(np.sqrt((sim.state.v.numpy().astype(np.float64)**2).sum(axis=1).mean())) / self.size
         self.way += speed * self.dt
         mark = sim.state.points.arrays.get("mark")
-        touching = np.zeros(len(x), bool) if mark is None else (mark.numpy() & TOUCHED) > 0
+        touching = np.zeros(len(x), bool)
+        if mark is not None:
+            from wsim.kernels.contact.project import TOUCHED  # of scenes with colliders
+            touching = (mark.numpy() & TOUCHED) > 0
         came = sim.forms["free"] > 0 and not sim.plan.clock.free              # the device saw one come near
         self.touched = bool(self.touched or came or touching.any())
         if self.edges and touching.any():
