@@ -141,3 +141,14 @@ def test_sound_instancers_load(tmp_path):
     for more in ("", "int64[] ids = [7, 8, 9]", "float3[] scales = [(2, 2, 2), (1, 1, 1), (0.5, 0.5, 0.5)]",
                  "quath[] orientations = [(1, 0, 0, 0), (0.707, 0.707, 0, 0), (1, 0, 0, 0)]"):
         assert len(load(stage(tmp_path, instances(more=more))).things("Body")) == 3
+
+
+def test_a_name_with_a_line_break_is_refused_in_one_line(tmp_path, capsys):
+    source = stage(tmp_path, AIR)
+    broken = str(tmp_path / "a\nb.usda")
+    Path(source).rename(broken)
+    for command, out in ((["check", broken], "out"), (["run", broken, "-o", str(tmp_path / "o.usdc"), "--frames", "1"], "err")):
+        assert cli.main(command) == 1
+        said = [line for line in getattr(capsys.readouterr(), out).splitlines() if line.startswith("error: ")]
+        assert len(said) == 1 and "a\\nb.usda" in said[0] and "has the control character '\\n'" in said[0]
+    assert [p.name for p in tmp_path.iterdir()] == ["a\nb.usda"]

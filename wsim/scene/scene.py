@@ -289,7 +289,7 @@ class Problem:
     fatal: bool = True
 
     def __str__(self) -> str:
-        return f"{'error' if self.fatal else 'warning'}: {self.path}: {self.text}"
+        return f"{'error' if self.fatal else 'warning'}: {self.path}: {self.text}".replace("\n", "\\n")
 
 
 class SceneError(Exception):
@@ -297,4 +297,4 @@ class SceneError(Exception):
 
     def __init__(self, problems):
         self.problems = [problems] if isinstance(problems, Problem) else list(problems)
-        super().__init__("\n".join(f"{p.path}: {p.text}" for p in self.problems))
+        super().__init__("\n".join(f"{p.path}: {p.text}".replace("\n", "\\n") for p in self.problems))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pxr import Sdf
+from pxr import Sdf, Vt
 
 from tests.usd.result.test_recorder import CLOTH, SIDE, author, world
 from wsim.scene import SceneError
@@ -126,3 +126,25 @@ def test_overwritten_fields_add_at_most_a_quarter_to_the_file(tmp_path):
         sizes.append((tmp_path / "out.usdc").stat().st_size)
     samples = 100 * 2 * 12 * (N + 1)
     assert sizes[1] - sizes[0] < samples / 4 + 20_000
+
+
+@pytest.mark.parametrize("spoil", ["no shape", "another shape", "another type", "no code"])
+def test_a_restart_field_that_somebody_spoiled_is_refused_in_a_line(tmp_path, spoil):
+    scene = author(tmp_path / "s.usda")
+    record(scene, tmp_path / "out.usdc", 2)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "out.usdc"))
+    spec = layer.GetAttributeAtPath(f"{CLOTH}.wsim:restart:fields:x")
+    if spoil == "no shape":
+        spec.ClearInfo("customData")
+    elif spoil == "another shape":
+        spec.customData["shape"] = Vt.IntArray([7, 7])
+    else:
+        prim, name, kind, value = (layer.GetPrimAtPath(CLOTH), *(
+            ("wsim:restart:timeCode", Sdf.ValueTypeNames.String, "x") if spoil == "no code" else
+            (spec.name, Sdf.ValueTypeNames.StringArray, Vt.StringArray(["a"]))))
+        del prim.properties[name]
+        Sdf.AttributeSpec(prim, name, kind).default = value
+    layer.Save()
+    with pytest.raises(SceneError, match=f"{CLOTH}: .*restart from another result") as found:
+        load_restart(tmp_path / "out.usdc", scene)
+    assert len(found.value.problems) == 1

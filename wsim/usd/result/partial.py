@@ -9,6 +9,7 @@ or removed: layers that say so (`wsim.usd.result.crate.MADE`), and copies of an 
 """
 
 import os
+import re
 import stat
 from contextlib import suppress
 from time import perf_counter
@@ -23,12 +24,20 @@ from wsim.usd.result.kinds.siblings import ENDINGS
 from wsim.usd.result.lock import Lock
 from wsim.usd.stage import reason
 
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 SHARE = 0.05           # of the wall time may go into saving; 0 saves only at the end, 1 after every frame
 
 
 def partial_path(path: str) -> str:
     """Name under which the result `path` is written until it is whole."""
     return os.path.splitext(path)[0] + crate.PARTIAL
+
+
+def refuse_control(path: str) -> None:
+    """Raises ValueError for a path that no layer can name."""
+    if control := CONTROL.search(path):
+        raise ValueError(f"{path!r} has the control character {control[0]!r}, which no path of USD may have; "
+                         "choose another name")
 
 
 def check_output(path: str) -> str:
@@ -38,6 +47,7 @@ def check_output(path: str) -> str:
     if str(path).endswith(crate.PARTIAL):
         raise ValueError(f"{path}: names in {crate.PARTIAL} are kept for results that are not whole; choose another")
     path = os.path.abspath(path)
+    refuse_control(path)
     folder = os.path.dirname(path)
     if not os.path.isdir(folder):
         raise FileNotFoundError(f"{path}: the folder {folder} is not there; make it, or write elsewhere")

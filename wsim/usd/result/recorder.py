@@ -24,7 +24,7 @@ from wsim.usd.result import provenance
 from wsim.usd.result.dependencies import overwritten
 from wsim.usd.result.kinds.places import refused
 from wsim.usd.result.kinds.rows import Sample, taken
-from wsim.usd.result.partial import Partial, check_output, partial_path
+from wsim.usd.result.partial import Partial, check_output, partial_path, refuse_control
 from wsim.usd.result.restart import Restart, check_fields, copy_samples, is_frame, store
 from wsim.usd.result.samples import BodyOver, ColliderOver
 from wsim.usd.result.sublayer import choose, flattened, put_over, refuse_source, remove_sources, write_source
@@ -41,6 +41,8 @@ def check_result(scene: Scene, path: str, restart: str | None = None) -> None:
     restart    the earlier result that the run goes on from; it may be replaced itself, what it lies over may not
     """
     path = check_output(path)
+    if scene.source:
+        refuse_control(os.path.abspath(scene.source))
     for target in (path, partial_path(path)):
         if scene.source:
             refuse_source(scene.source, target)

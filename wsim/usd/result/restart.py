@@ -101,12 +101,27 @@ def stored(prim: Usd.Prim, folder: str) -> tuple[float, dict[str, np.ndarray]]:
     """(time code, fields) that `store` left on a prim of a layer in `folder`; (nan, {}) if nothing. Raises SceneError for a
     file of them that is not whole."""
     code = prim.GetAttribute(CODE).Get() if prim.HasAttribute(CODE) else None
+    if code is not None and not isinstance(code, float):
+        raise SceneError(Problem(str(prim.GetPath()), f"{CODE} is {code!r}; allowed is a number; restart from another result"))
     fields = sidecar.stored(prim, code, folder) if code is not None else {}
     for attribute in prim.GetAuthoredAttributes():
         if attribute.GetName().startswith(FIELDS):
-            shape = [int(s) for s in attribute.GetCustomDataByKey("shape")]
-            fields[attribute.GetName()[len(FIELDS):]] = np.array(attribute.Get()).reshape(shape)
+            fields[attribute.GetName()[len(FIELDS):]] = _field(attribute)
     return (code, fields) if code is not None else (math.nan, {})
+
+
+def _field(attribute: Usd.Attribute) -> np.ndarray:
+    """One restart field. Raises SceneError where its shape is not that of its numbers."""
+    value, shape = attribute.Get(), attribute.GetCustomDataByKey("shape")
+    numbers = np.array([] if value is None else value)
+    try:
+        if numbers.dtype in TYPES:
+            return numbers.reshape([int(s) for s in shape])
+    except (TypeError, ValueError):
+        pass
+    raise SceneError(Problem(str(attribute.GetPrim().GetPath()), f"its restart field {attribute.GetName()[len(FIELDS):]} has "
+                             f"{numbers.size} values of {numbers.dtype} and shape {shape and list(shape)}; allowed are numbers "
+                             "in the shape that custom data `shape` says; restart from another result"))
 
 
 class Result:

@@ -3,6 +3,7 @@
 `wsim.usd.result.kinds.rows` refuses the same prims when their first sample comes; `wsim check` and the start of a run ask here.
 """
 
+import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -13,6 +14,7 @@ from wsim.scene.methods import every
 from wsim.scene.samples import DROPS, VOLUME
 from wsim.scene.skin import held
 from wsim.usd.result.kinds.volumes import straight
+from wsim.usd.result.partial import CONTROL
 from wsim.usd.result.samples import Frame, body_prim, moves
 
 FRAMES = 1000          # frames at which the transform of a prim that moves is looked at
@@ -21,6 +23,9 @@ FRAMES = 1000          # frames at which the transform of a prim that moves is l
 def refused(stage: Usd.Stage, scene: Scene) -> list[Problem]:
     """Every prim of a scene's stage that cannot take its result, with the fix."""
     found: list[Problem] = []
+    if control := CONTROL.search(os.path.abspath(scene.source or "")):
+        found.append(Problem(str(scene.source), f"has the control character {control[0]!r} in its path, by which no result can "
+                             "name it; rename it"))
     counts = {body.path: len(body.points) for body in scene.bodies()}
     for path, count in (counts | {path: len(skin.rows) for path, skin in held(scene).items()}).items():
         found += _said(_points, stage, scene, path, count)
