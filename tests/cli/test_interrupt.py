@@ -79,7 +79,7 @@ except KeyboardInterrupt:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a signal wakes no pipe there")
 @pytest.mark.parametrize("presses", [1, 2])
-def test_ctrl_c_within_a_call_of_c(presses):
+def test_ctrl_c_within_a_call_of_c(presses, heard):  # noqa: F811
     """The first waits until the call returns; the second ends the process though it would last an hour."""
     rounds = 2_000_000 if presses == 1 else 2_000_000_000
     child = subprocess.Popen([sys.executable, "-c", LASTS.format(rounds=rounds)], stdout=subprocess.PIPE,
