@@ -24,6 +24,16 @@ def test_a_sound_scene_has_no_problem(scene):
     assert check(scene) == []
 
 
+def test_seams_of_a_collider_are_no_fault(scene):
+    """Faces with corners of their own: a cloth comes apart there, a collider does not, and has no weld that could be set."""
+    points, counts, indices = grid()
+    apart = np.asarray(points)[indices], counts, np.arange(len(indices))
+    scene.collider("/wall", Surface(*apart))
+    assert check(scene) == []
+    scene.cloth("/torn", *apart)
+    assert {p.path for p in check(scene)} == {"/torn"}
+
+
 MISTAKES = {
     # what: (how the scene is spoilt, path that is named, words of the message)
     "fps": (lambda s: setattr(s, "fps", 0.0), "/", "fps is 0"),

@@ -134,8 +134,8 @@ def bone_cape() -> str:
     sheet, sheet_counts, sheet_indices = shapes.sheet(1.0, 1.0, columns, rows)
     turn, along = radians(240.0) * sheet[:, 0], 0.52 * (0.5 - sheet[:, 1])
     neck = 0.86 * HEIGHT
-    place = np.stack([-(0.075 + along * cos(tilt)) * np.sin(turn), neck - along * sin(tilt),
-                      -(0.062 + along * cos(tilt)) * np.cos(turn)], axis=1)
+    place = np.stack([-(0.079 + along * cos(tilt)) * np.sin(turn), neck - along * sin(tilt),
+                      -(0.066 + along * cos(tilt)) * np.cos(turn)], axis=1)
     mesh = "\n".join([f"float3[] extent = {listed(np.array([points.min(axis=0), points.max(axis=0)]))}",
                       f"point3f[] points = {listed(points)}", f"int[] faceVertexCounts = {listed(counts)}",
                       f"int[] faceVertexIndices = {listed(indices)}", 'uniform token subdivisionScheme = "none"',
@@ -144,7 +144,7 @@ def bone_cape() -> str:
                       '    interpolation = "vertex")',
                       f"float[] primvars:skel:jointWeights = {listed(weights.ravel())} (elementSize = 3\n"
                       '    interpolation = "vertex")',
-                      'uniform token primvars:skel:skinningMethod = "dualQuaternion"', said("Collider", 1.0, thickness=0.006),
+                      'uniform token primvars:skel:skinningMethod = "dualQuaternion"', said("Collider", 1.0, thickness=0.0075),
                       "color3f[] primvars:displayColor = [(0.62, 0.52, 0.43)]"])
     dancer = "\n".join([moved(0, 0.5, 0), bones(), twisting(), block("Mesh", "Torso", mesh, SKINNED, "Dual quaternions keep "
                         "the waist from shrinking where the chest turns.")])

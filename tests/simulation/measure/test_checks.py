@@ -228,6 +228,16 @@ def test_substeps_that_nobody_named_are_raised_twice_at_most_and_stay():
                                f"{before}, which stay")
 
 
+def test_points_that_start_in_a_collider_are_to_be_moved_apart():
+    made = Scene(solver="xpbd")
+    made.cloth("/sheet", *shapes.sheet(0.5, 0.5, 8, 8, horizontal=True, at=(0, 0.05, 0)))
+    made.collider("/ball", Sphere(0.15))
+    sim = Simulation(made, **CPU)
+    sim.run(2)
+    (said,) = gained(sim)
+    assert "/sheet gained energy" in said and said.endswith("if shapes overlap where the run starts, move them apart")
+
+
 def test_a_restart_goes_on_with_the_raised_substeps_to_the_bit():
     through = Simulation(unnamed(), **CPU)
     through.run(3)

@@ -9,8 +9,9 @@ from wsim.scene import Problem
 
 
 @latest
-def examine(path: str, points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> list[Problem]:
-    """Problems of a mesh, by its prim path: fatal where no triangle could be trusted, else warnings."""
+def examine(path: str, points: np.ndarray, counts: np.ndarray, indices: np.ndarray, parts: bool = True) -> list[Problem]:
+    """Problems of a mesh, by its prim path: fatal where no triangle could be trusted, else warnings. parts: points at one place
+    move apart, as those of a cloth do."""
     points = np.asarray(points).reshape(-1, 3)
     counts, indices = np.asarray(counts, np.int64).ravel(), np.asarray(indices, np.int64).ravel()
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
@@ -25,10 +26,10 @@ def examine(path: str, points: np.ndarray, counts: np.ndarray, indices: np.ndarr
     triangles, polygon = triangulate(points, counts, indices)
     if len(triangles) == 0:
         return [Problem(path, f"none of its {len(counts)} faces has an area; a surface needs at least one triangle")]
-    return [Problem(path, text, fatal=False) for text in _flaws(points, counts, triangles, polygon)]
+    return [Problem(path, text, fatal=False) for text in _flaws(points, counts, triangles, polygon, parts)]
 
 
-def _flaws(points: np.ndarray, counts: np.ndarray, triangles: np.ndarray, polygon: np.ndarray) -> list[str]:
+def _flaws(points: np.ndarray, counts: np.ndarray, triangles: np.ndarray, polygon: np.ndarray, parts: bool) -> list[str]:
     """What a simulation can live with, but its author should know."""
     texts = []
     lost = np.flatnonzero(np.bincount(polygon, minlength=len(counts)) == 0)
@@ -53,7 +54,7 @@ def _flaws(points: np.ndarray, counts: np.ndarray, triangles: np.ndarray, polygo
     first = np.full(len(points), -1)
     first[place[::-1]] = np.arange(len(points))[::-1]
     twins = np.flatnonzero(first[place] != np.arange(len(points)))
-    if len(twins):
+    if parts and len(twins):
         texts.append(f"{_some(twins, 'point')} where another one is (that one: {first[place[twins[0]]]}): seams come "
                      "apart there, unless welded (set weld to a distance under the shortest edge)")
     return texts

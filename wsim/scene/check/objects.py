@@ -132,7 +132,7 @@ def rigid(path: str, motion: Motion, mend: str) -> Iterator[Problem]:
 
 def surface(thing: Cloth | Surface, path: str, motion: Motion | None = None) -> list[Problem]:
     """Polygons that can be cut into triangles; a cloth (with its motion) is seen as simulated: seams welded."""
-    found = mesh.examine(path, thing.points, thing.counts, thing.indices)
+    found = mesh.examine(path, thing.points, thing.counts, thing.indices, isinstance(thing, Cloth))
     if motion is None or any(p.fatal for p in found) or not isinstance(thing, Cloth) or not 0.0 < thing.weld < inf:
         return found
     try:

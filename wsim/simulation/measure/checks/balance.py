@@ -158,8 +158,8 @@ class Balance(Method):
 
     @property
     def at_start(self) -> str:
-        """The advice of the first frames besides, for bodies."""
-        return APART * bool(self.terms.rigid and self.frames <= FIRST)
+        """The advice of the first frames besides."""
+        return APART * (self.frames <= FIRST)
 
     def gains(self, said: np.ndarray) -> list[tuple[tuple, float, str]]:
         """Warnings of energy. said: word of each world."""
