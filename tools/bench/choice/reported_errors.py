@@ -140,7 +140,7 @@ def apart(r: dict) -> bool:
 
 def summary(rows: list[dict]) -> str:
     good, parted = [r for r in rows if not apart(r)], [r for r in rows if apart(r)]
-    ratio = np.array([r["said"] / r["true"] for r in good])
+    ratio = np.array([r["said"] / r["true"] for r in good] or [np.nan])
     beside = sum(r["bare_ms"] or 0.0 for r in rows)
     spent = sum(r["ms"] for r in rows)
     return (f"{len(good)} scenes, {len(parted)} sensitive ones apart: true error at most the reported one in "
