@@ -72,7 +72,7 @@ def compiling():
         load(model)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Model, "load", with_header)
-        patch.setattr(wp.Module, "load", alone.split(wp.Module.load))
+        patch.setattr(wp.Module, "load", alone.load)
         patch.setattr(header, "KEPT", True)
         patch.setattr("warp._src.codegen.cpu_linear_contiguous_specialization_candidate", lambda adj, block_dim: False,
                       raising=False)

@@ -10,6 +10,8 @@ def make(args) -> list:
     """Writes the scene; returns its notes. Raises SceneError where a file stands in the way, or the mesh does not serve."""
     if os.path.lexists(args.output) and not args.force:
         raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
+    if args.kind == "robot":
+        return _robot(args)
     return {"cloth": _cloth, "softbody": _softbody, "fluid": _fluid, "liquid": _fluid}[args.kind](args, {
         "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames, "pins": tuple(args.pin),
         "colliders": tuple(args.collider), "bound": args.material})
@@ -21,6 +23,13 @@ def _cloth(args, more: dict) -> list:
     interrupt.begin("wait")
     return author_cloth(args.mesh, args.output, args.fabric, args.prim, weld=args.weld,
                         self_collision=args.self_collision, **more)
+
+
+def _robot(args) -> list:
+    from wsim.usd.new.robot import author_robot
+
+    interrupt.begin("wait")
+    return author_robot(args.file, args.output, ground=args.ground, frames=args.frames)
 
 
 def _softbody(args, more: dict) -> list:

@@ -30,6 +30,7 @@ PHYSICS_SCENE = "PhysicsScene"
 COLLISION = "PhysicsCollisionAPI"
 MESH_COLLISION = "PhysicsMeshCollisionAPI"
 RIGID_BODY, MASS, FIXED_JOINT = "PhysicsRigidBodyAPI", "PhysicsMassAPI", "PhysicsFixedJoint"
+JOINTS_ADD = "newton:jointsAddMobility"
 MATERIAL = table.RUB
 BINDING = "MaterialBindingAPI"
 

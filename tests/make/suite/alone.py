@@ -4,6 +4,9 @@ A plan's module holds what its scene needs, so that hundreds of plans have most 
 took 9,953 of them, of which 1,216 differ. Here a module is loaded as parts, each the executable of one kernel, by its hash and
 the options. What modules hold, their names and when they are loaded stays as in a simulation, and so do the bits. Tests that
 run `wsim` in a process of its own compile whole modules; tests/physics/compiled/test_alone.py compares both in this one.
+
+Modules that call `wp.grad` stay whole: Warp 1.19 leaves the adjoints of nested functions empty, without a word, where no other
+kernel of the module asks for them.
 """
 
 from typing import Any
@@ -13,6 +16,8 @@ from warp._src.context import ModuleExec
 
 WHOLE: list[bool] = []                # not empty: modules are compiled whole
 MADE: dict[tuple, ModuleExec] = {}    # executables of one kernel each, by hash and options
+GRAD = "wp.grad("
+LOAD = wp.Module.load
 
 
 class Parts(ModuleExec):
@@ -40,19 +45,26 @@ def part(kernel, digest: bytes, options: str, module: wp.Module, device, block_d
         alone.options, alone.defer_reference_scan = dict(module.options), True
         alone.register_kernel(kernel)
         alone.name = f"{kernel.key}_{alone.get_module_hash(block_dim).hex()[:8]}"        # of no other kernel, for LLVM
-        MADE[key] = alone.load(device, block_dim)
+        MADE[key] = LOAD(alone, device, block_dim)
     return MADE[key]
 
 
-def split(load):
-    """Of Warp's `Module.load`: modules of several kernels that are not Warp's own are loaded as parts."""
-    def loaded(module, device, block_dim=None, *files, **more):
-        device = wp.get_device(device)
-        block = module.options["block_dim"] if block_dim is None else block_dim
-        if not (device.is_cpu and len(module._live_kernels) > 1) or WHOLE or files or more or module.name.startswith("warp"):
-            return load(module, device, block_dim, *files, **more)
-        made, digest = module.execs.get((None, block)), module.get_module_hash(block)
-        if made is None or made.module_hash != digest:
-            made = module.execs[None, block] = Parts(module, device, block)
-        return made
-    return loaded
+def graded(module: wp.Module, block_dim: int) -> bool:
+    """Whether a kernel of a module, or a function that one calls, calls `wp.grad`."""
+    hasher = module.hashers[block_dim]
+    functions = [each for f in hasher.function_hashes for each in (f, *f.user_overloads.values(), *f.user_templates.values())]
+    return any(GRAD in each.adj.source for each in (*hasher.unique_kernels.values(), *functions) if each.adj)
+
+
+def load(module: wp.Module, device, block_dim: int | None = None, *files, **more) -> ModuleExec:
+    """Instead of Warp's `Module.load`: modules of several kernels that are not Warp's own are loaded as parts."""
+    device = wp.get_device(device)
+    block = module.options["block_dim"] if block_dim is None else block_dim
+    if not (device.is_cpu and len(module._live_kernels) > 1) or WHOLE or files or more or module.name.startswith("warp"):
+        return LOAD(module, device, block_dim, *files, **more)
+    made, digest = module.execs.get((None, block)), module.get_module_hash(block)
+    if made is None or made.module_hash != digest:
+        if graded(module, block):
+            return LOAD(module, device, block_dim)
+        made = module.execs[None, block] = Parts(module, device, block)
+    return made

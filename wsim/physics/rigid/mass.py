@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.geometry.convex_hull import DegenerateHull, convex_hull
+from wsim.geometry.convex_hull import ConvexHull, DegenerateHull, convex_hull
 from wsim.geometry.memo import latest
 from wsim.geometry.rotation import conjugate, matrix, multiply, normalized, quaternion
 from wsim.geometry.triangulate import triangulate
@@ -56,6 +56,7 @@ class Inertia:
     axes: np.ndarray
 
 
+MOST = 128                 # vertices of a hull: more are left out, those that stand out least
 APPROXIMATED = ("convexHull", "boundingCube", "boundingSphere")
 NOTHING = Volume(0.0, np.zeros(3), np.zeros((3, 3)))
 
@@ -94,16 +95,24 @@ def approximated(shape: Surface, name: str) -> tuple[Shape | None, np.ndarray]:
         return ball if half.max() > 0.0 else None, middle
     if name == "boundingCube":
         return Box(tuple(half.tolist())) if half.min() > 0.0 else None, middle
-    return _whole_hull(points), np.zeros(3)
+    found = hull(shape)
+    if found is None:
+        return None, np.zeros(3)
+    met = Surface(found.vertices, np.array([len(loop) for loop in found.loops]), np.concatenate(found.loops))
+    return shape if volume(shape).volume >= volume(met).volume else met, np.zeros(3)       # the hull may lack some vertices
 
 
 @latest
-def _whole_hull(points: np.ndarray) -> Surface | None:
+def _hull(points: np.ndarray) -> ConvexHull | None:
     try:
-        found = convex_hull(points)
+        return convex_hull(points, MOST)
     except DegenerateHull:
         return None
-    return Surface(found.vertices, np.array([len(loop) for loop in found.loops]), np.concatenate(found.loops))
+
+
+def hull(shape: Surface) -> ConvexHull | None:
+    """Convex hull that a mesh is met as; None where there is no volume."""
+    return _hull(shape.points)
 
 
 def _round(shape: Sphere | Cylinder | Cone | Capsule) -> tuple[float, float, float, float]:

@@ -12,16 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wsim.geometry.convex_hull import ConvexHull, DegenerateHull, convex_hull
-from wsim.geometry.memo import latest
+from wsim.geometry.convex_hull import ConvexHull
 from wsim.geometry.triangulate import triangulate
 from wsim.geometry.winding import wound_alike
-from wsim.physics.rigid.mass import approximated, volume
+from wsim.physics.rigid.mass import approximated, hull, volume
 from wsim.scene import Collider, Surface
 from wsim.scene.methods import dressed
 from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Shape, Sphere, row
 
-MOST = 128                 # vertices of a hull: more are left out, those that stand out least
 CONVEX = 0.01              # part of a hull's volume that a mesh may lack and count as convex
 HULLS = ("convexHull", "convexDecomposition")
 NOWHERE = (0.0, 0.0, 0.0)
@@ -81,19 +79,6 @@ class Met:
     def skin(self) -> float:
         """Radius of what is round [m]."""
         return self.shape.radius if isinstance(self.shape, (Sphere, Capsule)) else 0.0
-
-
-@latest
-def _hull(points: np.ndarray) -> ConvexHull | None:
-    try:
-        return convex_hull(points, MOST)
-    except DegenerateHull:
-        return None
-
-
-def hull(shape: Surface) -> ConvexHull | None:
-    """None where there is no volume."""
-    return _hull(shape.points)
 
 
 def filled(shape: Surface) -> float:

@@ -14,12 +14,13 @@ from pxr import Usd, UsdPhysics
 
 from wsim.geometry import rotation
 from wsim.physics.rigid.joints.joint import AXES, LOCKED, SHIFTS, Drive, Joint
+from wsim.usd import names
 from wsim.usd.stage import Reading, Units
 
 SINGLE = ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint")
-ADDS = "newton:jointsAddMobility"
 DAMPING, STIFFNESS, REST = "newton:damping", "mjc:stiffness", "mjc:springref"
-UNSEEN = {"newton:armature": "the inertia of motors and gears", "newton:friction": "dry friction of joints"}
+UNSEEN = {"newton:armature": "the inertia of motors and gears", "newton:friction": "dry friction of joints",
+          "mjc:ref": "an offset of its coordinate, by which limits shift"}
 ACROSS = 1e-3                # cosine between axes that count as orthogonal
 DEGREE = np.pi / 180.0
 
@@ -43,7 +44,7 @@ def stacked(reading: Reading, prim: Usd.Prim) -> list[Usd.Prim]:
 def _adds(reading: Reading, prim: Usd.Prim) -> bool:
     """Whether a body lies in an articulation whose joints add mobility."""
     while prim and not prim.IsPseudoRoot():
-        attribute = prim.GetAttribute(ADDS)
+        attribute = prim.GetAttribute(names.JOINTS_ADD)
         if attribute and attribute.Get(reading.start) is not None:
             return bool(attribute.Get(reading.start))
         prim = prim.GetParent()
@@ -107,7 +108,7 @@ def passive(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str, Drive
     values = {key: float(attribute.Get(reading.start) or 0.0) for key in (DAMPING, STIFFNESS, REST, *UNSEEN)
               if (attribute := prim.GetAttribute(key)) and attribute.HasAuthoredValue()}
     for key, what in UNSEEN.items():
-        if values.get(key, 0.0) > 0.0:
+        if values.get(key, 0.0):
             reading.warn(prim.GetPath(), f"has {key}, {what}, which is not simulated")
     damping, stiffness = _gains(reading.units, name, values)
     if damping == 0.0 and stiffness == 0.0:

@@ -3,7 +3,7 @@
     groups    two groups do not touch where one of them filters the other; an inverted one filters all but those it names.
               Groups of one `merge` are one group. What is in no group touches all.
     pairs     what a prim names, and all that is below it, does not touch what is at or below that prim; groups count as their
-              members
+              members, and bodies as themselves, without the bodies within them
     joints    the bodies of a joint do not touch each other, unless it says so (`Joint.collides`)
 """
 
@@ -149,7 +149,7 @@ def _pairs(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> It
         body.setdefault(frame, []).append(k)
 
     def below(path: str) -> list[int]:
-        return [k for each in members.get(path, [path]) for k in at.get(each, [])]
+        return [k for each in members.get(path, [path]) for k in body.get(each, at.get(each, []))]
     wanted = [(below(p.path), below(other)) for p in scene.things("Parted") for other in p.others]
     for joint in scene.things("Joint"):
         if joint.enabled and not joint.collides:
