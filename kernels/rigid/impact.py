@@ -33,18 +33,7 @@ def impacts(kind: Kind, meet, real, met: float = MET, rounds: int = ROUNDS, time
     mark, strike = marks(real, met, timed)
     after = by_colour(kind, behind(real), meet, real)
     look, sweep = at_once(kind, mark, real), by_colour(kind, strike, meet, real)
-    Rig = whole(real)
-
-    @wp.func
-    def told(flag: int, i: int, rig: Rig):
-        """What a thread has said since this was asked last, and then forgets."""
-        meet()
-        said = rig.work.flags[flag]
-        meet()
-        if i == 0:
-            rig.work.flags[flag] = 0
-        meet()                                       # before anyone may say it again
-        return said
+    Rig, told = whole(real), telling(meet, real)
 
     @wp.func
     def impacts(i: int, threads: int, k: int, h: real, rig: Rig):
@@ -60,6 +49,23 @@ def impacts(kind: Kind, meet, real, met: float = MET, rounds: int = ROUNDS, time
                 after(i, threads, k, h, 0, rig)
 
     return impacts
+
+
+def telling(meet, real):
+    """Function (flag, i, rig): what a thread has said since this was asked last, and then forgets."""
+    Rig = whole(real)
+
+    @wp.func
+    def told(flag: int, i: int, rig: Rig):
+        meet()
+        said = rig.work.flags[flag]
+        meet()
+        if i == 0:
+            rig.work.flags[flag] = 0
+        meet()                                       # before anyone may say it again
+        return said
+
+    return told
 
 
 @cache

@@ -7,6 +7,7 @@ import warp as wp
 
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.joint.elimination import Linked
+from wsim.kernels.rigid.joint.impacts import linked_impacts
 from wsim.kernels.rigid.joint.steps import functions
 from wsim.kernels.rigid.lists.pairs import straying
 from wsim.kernels.rigid.motion import double3, kicked
@@ -113,10 +114,16 @@ def launched(real, module) -> dict:
 
 def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bouncing: bool = False):
     """Kernel as `wsim.kernels.rigid.passes.substeps`, with islands of joints in front of the kinds."""
-    Rig, w = whole(real), walks(kinds, real, meet, bouncing)
+    Rig, w = whole(real), walks(kinds, real, meet, False)
     begun, placed, ended = bodies(real)
     lined, reset, joined, loosed = islands(real)
-    prepare, warm, solve, thrown = w.prepare, w.warm, w.solve, w.thrown
+    prepare, warm, solve = w.prepare, w.warm, w.solve
+    if bouncing:
+        thrown = linked_impacts(kinds[-1], meet, real)
+    else:
+        @wp.func
+        def thrown(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
+            return
 
     def rigid_linked(steps: wp.vec3i, h: real, threads: int, rig: Rig, J: Linked):
         i = wp.tid()
@@ -126,7 +133,7 @@ def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bounci
         n = steps[2]
         for k in range(steps[0] - 1, steps[1]):              # each pass at one place, see kernels/rigid/passes.py
             if k >= steps[0]:
-                thrown(i, threads, k, h, rig)
+                thrown(i, threads, k, h, rig, J)
                 begun(i, threads, h, rig, J)
                 reset(i, threads, k, h, J)
                 meet()

@@ -263,7 +263,8 @@ def functions(real):
         now.q[i] = near(q, now.q[i])
         now.o[i] = near(q - double(now.q[i], wp.quatd()), now.q[i])
 
-    return SimpleNamespace(placed=placed, begun=begun, solve=solve, relax=relax, kicks=kicks, place=place)
+    return SimpleNamespace(placed=placed, begun=begun, solve=solve, relax=relax, kicks=kicks, place=place, rate_of=rate_of,
+                           given=given)
 
 
 def jointed(real, module):

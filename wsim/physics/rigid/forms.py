@@ -88,7 +88,10 @@ class Form:
             self.kernels["substeps"] = steps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
         if bouncing:
-            self.kernels["thrown"] = launches.thrown(self.kinds, real, module, meet, **sizes)
+            thrown = launches.thrown
+            if linked:
+                from wsim.kernels.rigid.joint.impacts import linked_thrown as thrown
+            self.kernels["thrown"] = thrown(self.kinds, real, module, meet, **sizes)
         self.kernels |= dict(zip(("begun", "placed", "ended"), launches.of_bodies(real, model.module), strict=True))
         if linked:
             from wsim.kernels.rigid.joint.passes import launched
@@ -130,7 +133,7 @@ class Form:
             self.prepare(0, rig)
         for k in range(steps[0], steps[1]):
             if "thrown" in self.kernels:
-                self.launch(self.kernels["thrown"], [self.threads, k, h, rig], [])
+                self.launch(self.kernels["thrown"], [self.threads, k, h, rig, *joints], [])
             self.walk("begun", h, rig, *joints)
             self.link("reset", k, h, rig, *joints)
             self.sweep("warm", k, h, 1, rig)
