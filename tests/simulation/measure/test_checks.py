@@ -228,6 +228,18 @@ def test_substeps_that_nobody_named_are_raised_twice_at_most_and_stay():
                                f"{before}, which stay")
 
 
+def test_worlds_rise_together_to_the_bits_of_one_or_not_at_all():
+    """Apart, as sweeps run them, none changes its steps: the run warns."""
+    worlds, one, apart = (Simulation(unnamed(), worlds=n, **CPU) for n in (2, 1, 2))
+    apart.plan.clock.apart, before = True, apart.plan.clock.substeps
+    for sim in (worlds, one, apart):
+        sim.run(3)
+    x, alone = (sim.state.parts["bodies"].arrays["x"].numpy() for sim in (worlds, one))
+    assert worlds.plan.clock.substeps == one.plan.clock.substeps == 4 * before
+    assert np.array_equal(x, np.repeat(alone, 2, axis=0))
+    assert apart.plan.clock.substeps == before and not apart.repeats and gained(apart)
+
+
 def test_points_that_start_in_a_collider_are_to_be_moved_apart():
     made = Scene(solver="xpbd")
     made.cloth("/sheet", *shapes.sheet(0.5, 0.5, 8, 8, horizontal=True, at=(0, 0.05, 0)))
