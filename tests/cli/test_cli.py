@@ -80,7 +80,7 @@ def test_help_imports_what_words_are_made_of_and_nothing_heavy():
     code = ("import sys\nbefore = set(sys.modules)\nfrom wsim import cli\ntry: cli.main(['--help'])\nexcept SystemExit: pass\n"
             "print(*sorted(m for m in set(sys.modules) - before if m.split('.')[0] not in sys.stdlib_module_names))")
     assert printed(code).split() == [
-        "wsim", "wsim.cli", "wsim.cli.arguments", "wsim.cli.sweep_options", "wsim.scene",
+        "wsim", "wsim.cli", "wsim.cli.arguments", "wsim.cli.new_options", "wsim.cli.sweep_options", "wsim.scene",
         "wsim.scene.integrator", "wsim.scene.solid", "wsim.scene.values", "wsim.scene.values.table", "wsim.scene.values.value",
         "wsim.simulation", "wsim.simulation.interrupt"]
 

@@ -32,7 +32,7 @@ SLOW = PHYSICS | {
     "fitting/test_shared.py": {
         "test_copies_that_take_turns_give_the_same_fit_to_the_bit": ["explicit", "implicit"]},
     "gpu/test_capture.py": {
-        "test_a_frame_takes_no_memory": ["implicit-backward_euler", "implicit-bdf2", "xpbd-bdf2", "xpbd-backward_euler"]},
+        "test_a_frame_takes_no_memory": []},
     "gradient/rigid/test_contacts.py": {
         "test_checkpoints_are_refused": [],
         "test_a_box_slides_by_its_friction": []},
