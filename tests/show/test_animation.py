@@ -68,6 +68,6 @@ def test_a_film_has_every_frame_and_its_rate(tmp_path):
 def test_what_is_not_installed_is_said_before_anything_is_drawn(tmp_path, monkeypatch, scene, ending, missing):
     monkeypatch.setattr(animation, "find_spec", lambda name: None if name == missing else sys)
     save(scene, tmp_path / "s.usda")
-    with pytest.raises(SceneError, match=rf"{missing} not installed; install by: pip install .wsim.picture.., or write .png"):
+    with pytest.raises(SceneError, match=rf"{missing} not installed; install by: pip install -e ...picture.., or write .png"):
         picture(tmp_path / "s.usda", tmp_path / f"a{ending}", size=(16, 9), device="cpu")
     animation.needed(".png")

@@ -201,7 +201,7 @@ def test_strain_and_energy_of_a_result_are_those_of_its_points(tmp_path):
 
 def test_without_rerun_the_mend_is_said(monkeypatch, scene):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(SceneError, match=r'pip install "wsim\[view\]"'):
+    with pytest.raises(SceneError, match=r'pip install -e "\.\[view\]"'):
         Viewer(scene, save="a.rrd")
 
 
