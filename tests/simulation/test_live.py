@@ -92,7 +92,7 @@ REFUSED = [
     ("/pin", "motion", 1.0, r"\(4, 4\)"),
     ("/pin", "motion", np.ones((4, 4)), "scales"),
     ("/net", "colour", 1.0, "no live parameter 'colour'"),
-    ("/nowhere", "stretch", 1.0, "paths there are /, /cloth"),
+    ("/nowhere", "stretch", 1.0, "is no object of this scene; there are /, /cloth"),
 ]
 
 

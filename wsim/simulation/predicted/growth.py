@@ -128,7 +128,7 @@ class Leapfrog(Growth):
 
 
 def beside_box(box: Box, q: np.ndarray, near: float) -> np.ndarray:
-    """Which places q (n, 3) [m] on a box are nearer than that [m] to one of its edges."""
+    """Mask of places q (n, 3) [m] on a box that are nearer than that [m] to one of its edges."""
     return (np.abs(q) > np.array(box.half) - near).sum(axis=1) >= 2
 
 
