@@ -159,7 +159,7 @@ def _view(commands) -> None:
 def _copy(commands) -> None:
     copy = commands.add_parser("copy", help="copy a result with its volumes, restart fields and clips")
     copy.add_argument("result")
-    copy.add_argument("target", type=named, help="copy: .usdc, .usda or .usd, in any folder")
+    copy.add_argument("target", type=named, help="file to write: .usdc, .usda or .usd")
 
 
 def _schema(commands) -> None:

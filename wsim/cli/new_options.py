@@ -24,13 +24,14 @@ def add(commands) -> None:
         kind.add_argument("--material", type=named, metavar="PATH", help="a physics material of the mesh's file (default: the "
                                                                          "one it is bound to, if any)")
         kind.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")
-    robot = new.add_parser("robot", help="a scene of a robot, which a converter of the Newton project makes a USD file of")
+    robot = new.add_parser("robot", help="a scene of a robot, converted to USD by a tool of the Newton project")
     robot.add_argument("file", help="URDF file, or MuJoCo's XML file")
     for kind in new.choices.values():
         kind.add_argument("-o", "--output", type=named, required=True, metavar="SCENE")
         kind.add_argument("--force", action="store_true", help="replace SCENE if it is there")
         kind.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
-        kind.add_argument("--frames", type=whole, metavar="N", help="frames to simulate (default: the file's)")
+        kind.add_argument("--frames", type=whole, metavar="N",
+                          help=f"frames to simulate (default: {'96' if kind is robot else 'those of the file'})")
         kind.add_argument("--debug", action="store_true", help="show where an error came from")
 
 

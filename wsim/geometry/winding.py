@@ -1,4 +1,4 @@
-"""Triangles of a surface wound alike: neighbours pass the edge between them in opposite directions. NumPy only."""
+"""Consistent winding of a triangle mesh: neighbours pass their shared edge in opposite directions. NumPy only."""
 
 import numpy as np
 
@@ -10,18 +10,17 @@ NEAR = 1e-6             # of the extent: corners nearer than this are one
 
 @latest
 def wound_alike(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Triangles (t, 3) of points (n, 3) [m], those turned over that are wound against their neighbours: of each piece that
-    hangs together, the fewer.
+    """Triangles (t, 3) of points (n, 3) [m] with consistent winding: in each connected piece the minority is flipped.
 
-    Neighbours share an edge that no third triangle has; corners in one place are one, as at the seams of a file that lists the
-    corners of each face. A piece that has only one side, like a Moebius strip, stays as it is.
+    Neighbours share an edge that no third triangle has; coincident corners count as one, as in files that list the corners of
+    each face separately. A piece that has only one side, like a Moebius strip, stays as it is.
     """
     triangles = np.asarray(triangles).reshape(-1, 3)
     count = len(triangles)
     first, second, against = _neighbours(np.asarray(points, np.float64), triangles)
     if not against.any():
         return triangles
-    # Each triangle twice, as it is and turned over: wound alike are the two halves of what hangs together.
+    # Each triangle twice, as it is and flipped: an orientable piece gives two components, one for each winding.
     pairs = [np.stack([first + count * side, second + count * np.where(against, 1 - side, side)], 1) for side in (0, 1)]
     label = islands(2 * count, np.concatenate(pairs))
     plain, over = label[:count].astype(np.int64), label[count:].astype(np.int64)

@@ -1,19 +1,19 @@
-"""Every name of Warp that its documentation does not have, and what wsim does where an installed Warp lacks it.
+"""Undocumented names of Warp that wsim uses, and ("Without") what happens if the installed Warp lacks them.
 
     build, codegen    modules that compile: patched while a module of ours is compiled, so that a CPU has one variant of each
                       kernel, from rewritten source (`wsim.model.compiler.variants`). Without: Warp compiles as ever, a first
                       frame takes longer
     apic.capture, apic.types, context
-                      captures and what packs arguments, for launches recorded as bytes (`wsim.model.compiler.recorded`).
+                      captures and argument packing, for launches recorded as bytes (`wsim.model.compiler.recorded`).
                       Without: Warp records, and capturing a frame takes longer
     Struct, Instance  types of structs and of their values, for the same
     folder_name       folder of a module in the cache: whether it has to be compiled. Without: it is looked up by loading it
-    executables       what was loaded of a module: whether it was compiled just now. Without: it is taken as changed
+    executables       what was loaded of a module: whether it was compiled just now. Without: assumed just compiled
     forget            makes Warp compile a module anew. Without: what the cache has is loaded once more
     compile_apart     compiles a module without loading it, for several in parallel. Without: one after the other, when loaded
     drop              takes a kernel out of a module that launches a fused one in its place. Without: both are compiled
 
-WSIM_PLAIN_WARP=1 does without all that changes how Warp compiles and records: for a comparison, or a suspicion.
+WSIM_PLAIN_WARP=1 leaves Warp's compiling and recording unchanged, to compare or to find a fault.
 """
 
 import importlib

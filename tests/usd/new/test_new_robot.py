@@ -95,7 +95,7 @@ def test_a_folder_with_other_files_is_kept(converter, tmp_path, capsys):
     (tmp_path / "a_robot").mkdir()
     (tmp_path / "a_robot" / "notes.txt").write_text("mine")
     assert main(["new", "robot", "a.urdf", "-o", "a.usda"]) == 1
-    assert "a_robot: holds other files" in capsys.readouterr().err
+    assert "a_robot: holds files that are not USD" in capsys.readouterr().err
     assert (tmp_path / "a_robot" / "notes.txt").read_text() == "mine"
 
 

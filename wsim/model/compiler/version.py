@@ -1,4 +1,4 @@
-"""Which version of this package rewrote the source of a binary: what it makes of a module is no part of Warp's hash."""
+"""Version of the code that rewrites kernel source. Warp's hash does not cover the rewriting, so binaries need it."""
 
 import hashlib
 import inspect
@@ -13,8 +13,8 @@ MODULES = (header, source, variants)
 
 
 def version() -> str:
-    """Digest of the text of the modules that rewrite, and of functions that were put in place of theirs; "plain" where nothing
-    is rewritten."""
+    """Digest of the rewriting modules' text and of any function that replaces one of theirs; "plain" if nothing is
+    rewritten."""
     if PLAIN:
         return "plain"
     found = hashlib.blake2b(digest_size=16)

@@ -1,9 +1,8 @@
 """A robot of a URDF or MuJoCo file -> a small scene layer over the USD file that a converter makes of it.
 
-The converters are mujoco-usd-converter and urdf-usd-converter of the Newton project. They bring another OpenUSD than usd-core,
-which the same environment cannot hold, so that they have one of their own: the folder that WSIM_ROBOTS names, else
-~/.cache/wsim/robots. Of a MuJoCo file the scene also takes what the conversion leaves out: the masses and moments of the
-compiled model, and which bodies its collision masks keep apart.
+The converters are mujoco-usd-converter and urdf-usd-converter of the Newton project. They bring an OpenUSD that conflicts with
+usd-core, so they need an environment of their own: the folder WSIM_ROBOTS, else ~/.cache/wsim/robots. For a MuJoCo file the
+scene also takes masses, moments and the pairs of bodies that collision masks exclude from the compiled model.
 """
 
 import json
@@ -43,8 +42,8 @@ json.dump(found, open(sys.argv[2], "w"))
 
 
 def author_robot(file, out, *, ground: float | None = None, frames: int | None = None) -> list[Problem]:
-    """Writes a scene `out` (.usda, .usdc, .usd) over the USD file that a converter makes of a robot's `file` (.urdf, or .xml of
-    MuJoCo), which it puts into the folder OUT_robot beside it. Returns warnings.
+    """Converts a robot's `file` (.urdf, or .xml of MuJoCo) to USD in the folder OUT_robot beside `out`, and writes a scene
+    `out` (.usda, .usdc, .usd) over it. Returns warnings.
 
     ground     a plane this far [m] below the lowest point of the robot; None: no plane of its own
     frames     frames to simulate, 24 a second; None: 96
@@ -103,7 +102,7 @@ def _run(command: list, file: str) -> None:
 def _converted(tool: Path, file: str, folder: Path) -> Path:
     """The USD file that a converter makes, in a folder that holds nothing else."""
     if folder.exists() and any(each.suffix not in (".usdc", ".usda") for each in folder.iterdir()):
-        raise SceneError(Problem(str(folder), "holds other files; it is where the converted robot goes: move it away"))
+        raise SceneError(Problem(str(folder), "holds files that are not USD; the converted robot goes here: move them away"))
     with tempfile.TemporaryDirectory(dir=folder.parent) as made:
         _run([tool, "--no-layer-structure", file, made], file)
         results = sorted(Path(made).glob("*.usd*"))
@@ -135,8 +134,8 @@ def _author_model(stage: Usd.Stage, file: str, model: dict[str, Any], units: Uni
     places = np.array([cache.GetLocalToWorldTransform(prim).ExtractTranslation() for prim in bodies]).reshape(-1, 3)
     true = np.array(model["places"], np.float64)[1:]
     if len(true) != len(bodies) or np.abs(places * units.metres - true).max(initial=0.0) > NEAR:
-        notes.append(Problem(file, f"its {len(true)} bodies are not the {len(bodies)} of the converted file: masses and "
-                             "collision masks are those of the converter", fatal=False))
+        notes.append(Problem(file, f"bodies of the model ({len(true)}) and of the converted file ({len(bodies)}) differ in "
+                             "number or place: masses and collisions are the converter's", fatal=False))
         return
     for k, prim in enumerate(bodies, 1):
         if model["mass"][k] > 0.0:

@@ -1,9 +1,9 @@
-"""Joints of robots: several between the same two bodies that each add a motion, as one joint; and passive springs and dampers.
+"""Joints of robots: merges several joints between the same two bodies into one, and reads passive springs and dampers.
 
 In an articulation with `newton:jointsAddMobility`, revolute and prismatic joints between the same two bodies act one behind the
-other, the first outermost, as MuJoCo has them: R = R(a_1) R(a_2) ... R(a_n). One `Joint` has the same freedom: the innermost
-turn is its twist, rotX, the turns outside of it the swing, rotY and rotZ. Two turns are exact; three have the same freedom, and
-limits and springs that agree for small angles. Without that attribute, joints constrain, as USD has them.
+other, the first outermost, as MuJoCo has them: R = R(a_1) R(a_2) ... R(a_n). One `Joint` has the same freedom: rotX (twist)
+is the innermost turn, rotY and rotZ (swing) are the outer turns. Two turns are exact. With three, limits and springs agree only
+for small angles. Without the attribute each joint is a constraint of its own, as in USD.
 """
 
 from collections import defaultdict
@@ -20,7 +20,7 @@ from wsim.usd.stage import Reading, Units
 SINGLE = ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint")
 DAMPING, STIFFNESS, REST = "newton:damping", "mjc:stiffness", "mjc:springref"
 UNSEEN = {"newton:armature": "the inertia of motors and gears", "newton:friction": "dry friction of joints",
-          "mjc:ref": "an offset of its coordinate, by which limits shift"}
+          "mjc:ref": "an offset of the joint coordinate that shifts its limits"}
 ACROSS = 1e-3                # cosine between axes that count as orthogonal
 DEGREE = np.pi / 180.0
 
@@ -63,7 +63,7 @@ def merged(reading: Reading, joints: list[Joint]) -> Joint | None:
             axes.append(axis)
     if len(axes) > 3 or any(abs(a @ b) > ACROSS for k, a in enumerate(axes) for b in axes[:k]):
         reading.fail(joints[0].path, f"{len(joints)} joints between the same bodies add mobility along axes that are not "
-                     "orthogonal; allowed: orthogonal axes; mend: put bodies between them")
+                     "orthogonal; allowed: orthogonal axes; mend: put a body between each two of these joints")
         return None
     R = np.stack(axes, 1) if len(axes) == 3 else np.eye(3)
     if len(axes) < 3:
@@ -109,14 +109,14 @@ def passive(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str, Drive
               if (attribute := prim.GetAttribute(key)) and attribute.HasAuthoredValue()}
     for key, what in UNSEEN.items():
         if values.get(key, 0.0):
-            reading.warn(prim.GetPath(), f"has {key}, {what}, which is not simulated")
+            reading.warn(prim.GetPath(), f"{key} is ignored ({what}); remove it, or expect motion unlike MuJoCo's")
     damping, stiffness = _gains(reading.units, name, values)
     if damping == 0.0 and stiffness == 0.0:
         return drives
     own = drives.get(name, Drive())
     if values.get(REST, 0.0) or own.acceleration or own.speed or (stiffness and name in drives):
-        reading.warn(prim.GetPath(), f"has a passive spring or damper ({DAMPING}, {STIFFNESS}) beside {REST}, or beside a "
-                     "drive that it cannot be added to; it is left out")
+        reading.warn(prim.GetPath(), f"{DAMPING} and {STIFFNESS} are left out: they do not combine with {REST} or with this "
+                     "joint's drive; remove those to keep them")
         return drives
     return drives | {name: replace(own, damping=own.damping + damping, stiffness=own.stiffness + stiffness)}
 

@@ -80,7 +80,7 @@ def _unapplied(reading: Reading, prim: Usd.Prim) -> None:
     for what, axis in sorted(given):
         api = f"Physics{what.capitalize()}API:{axis}"
         if api not in applied(prim):
-            reading.warn(prim.GetPath(), f"has {what}:{axis} and not {api}, so that it counts for nothing; apply {api}")
+            reading.warn(prim.GetPath(), f"has {what}:{axis} without {api}, so USD ignores it; apply {api}")
 
 
 def _more(reading: Reading, api: UsdPhysics.Joint) -> dict:

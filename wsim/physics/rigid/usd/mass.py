@@ -35,7 +35,7 @@ class Given(NamedTuple):
 
 
 def mass_properties(reading: Reading, prim: Usd.Prim, colliders: list[Collider]) -> dict:
-    """mass [kg], center (3,) [m], inertia (3,) [kg m^2] and axes (x, y, z, w) of a `Body`; what nothing says is left out."""
+    """mass [kg], center (3,) [m], inertia (3,) [kg m^2] and axes (x, y, z, w) of a `Body`; unknown values are left out."""
     if not _sound(reading, [prim, *(reading.stage.GetPrimAtPath(c.path) for c in colliders)]):
         return {}
     own = _given(reading, prim)
@@ -53,8 +53,8 @@ def mass_properties(reading: Reading, prim: Usd.Prim, colliders: list[Collider])
     inertia = sum((mass / whole * (part.inertia + part.volume * _steiner(part.center - center)) for part in parts),
                   np.zeros((3, 3)))
     if not np.isfinite([*inertia.ravel(), *center, mass]).all():
-        reading.fail(prim.GetPath(), f"its shapes have a mass of {mass:g} kg and moments that are no numbers; allowed: finite "
-                     "numbers; mend: author metersPerUnit and sizes that go with it")
+        reading.fail(prim.GetPath(), f"the mass ({mass:g} kg), inertia or centre of its colliders is not finite; allowed: "
+                     "finite numbers; mend: check metersPerUnit and the sizes of its colliders")
         return {}
     moments, axes = principal(inertia)
     return {"mass": mass, "center": center, "inertia": moments, "axes": axes}
@@ -106,7 +106,7 @@ def _material_density(reading: Reading, prim: Usd.Prim) -> float | None:
 
 
 def _sound(reading: Reading, prims: list[Usd.Prim]) -> bool:
-    """Whether masses, densities and centres are authored as numbers that USD takes: it passes over others without a word."""
+    """True if authored masses, densities and centres are valid. USD ignores invalid ones silently."""
     found = True
     for prim in dict.fromkeys(prims):
         for name in ("mass", "density"):
