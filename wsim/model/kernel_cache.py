@@ -198,7 +198,7 @@ def _again(module, device, block_dim: int | None) -> None:
     """A second time from nothing: without the folders, and without Warp's memory of the failure."""
     try:
         _remove(_folders(module.name))
-        warp_private.forget(module)
+        warp_private.forget_module(module)
         with variants.single(device.is_cpu):
             wp.load_module(module, device=device, block_dim=block_dim)
     except Exception as error:

@@ -9,9 +9,9 @@
     Struct, Instance  types of structs and of their values, for the same
     folder_name       folder of a module in the cache: whether it has to be compiled. Without: it is looked up by loading it
     executables       what was loaded of a module: whether it was compiled just now. Without: assumed just compiled
-    forget            makes Warp compile a module anew. Without: what the cache has is loaded once more
+    forget_module     makes Warp compile a module anew. Without: what the cache has is loaded once more
     compile_apart     compiles a module without loading it, for several in parallel. Without: one after the other, when loaded
-    drop              takes a kernel out of a module that launches a fused one in its place. Without: both are compiled
+    drop_kernel       takes a kernel out of a module that launches a fused one in its place. Without: both are compiled
 
 WSIM_PLAIN_WARP=1 leaves Warp's compiling and recording unchanged, to compare or to find a fault.
 """
@@ -26,7 +26,7 @@ import warp as wp
 PLAIN = os.environ.get("WSIM_PLAIN_WARP", "0") not in ("", "0")
 
 
-def private(name: str) -> Any:
+def private_module(name: str) -> Any:
     """A module of Warp's inside; None where it has none of that name, or plain Warp is asked for."""
     try:
         return None if PLAIN else importlib.import_module(f"warp._src.{name}")
@@ -34,7 +34,7 @@ def private(name: str) -> Any:
         return None
 
 
-build, codegen, context = private("build"), private("codegen"), private("context")
+build, codegen, context = private_module("build"), private_module("codegen"), private_module("context")
 Struct: Any = getattr(codegen, "Struct", ())               # an empty tuple of types: nothing is one
 Instance: Any = getattr(codegen, "StructInstance", ())
 
@@ -57,7 +57,7 @@ def executables(module: wp.Module) -> dict | None:
     return dict(found) if isinstance(found, dict) else None
 
 
-def forget(module: wp.Module) -> None:
+def forget_module(module: wp.Module) -> None:
     """Makes Warp forget what it knows of a module."""
     getattr(module, "mark_modified", lambda: None)()
 
@@ -67,9 +67,9 @@ def compile_apart(module: wp.Module, device, block: int | None) -> None:
     module._compile(device, options=module.resolved_options[block])                # of the hash that is the name of its folder
 
 
-def drop(module: wp.Module, kernel: wp.Kernel) -> None:
+def drop_kernel(module: wp.Module, kernel: wp.Kernel) -> None:
     """Takes a kernel that nobody launches out of a module."""
     kernels = getattr(module, "_live_kernels", None)
     if kernels is not None:
         kernels.discard(kernel)
-    forget(module)
+    forget_module(module)

@@ -285,8 +285,8 @@ FOREIGN_PREFIXES = {"omniphysics:": "physics:", "physxDeformable:": "physics:"}
 FEATURES = {
     "NewtonPointsDeformableSimAPI": "the material point method (sand, snow, jelly as particles)",
     "PhysxParticleSystem": "the particles of PhysX", "PhysxParticleSetAPI": "the particles of PhysX",
-    "PhysxVehicleAPI": "the vehicles of PhysX", "MjcActuator": "an actuator of MuJoCo", "NewtonActuator": "an actuator",
-    "MjcTendon": "a tendon of MuJoCo", "MjcEqualityJointAPI": "a coupling of joints", "NewtonMimicAPI": "a coupling of joints",
+    "PhysxVehicleAPI": "the vehicles of PhysX", "MjcActuator": "actuators of MuJoCo", "NewtonActuator": "actuators",
+    "MjcTendon": "tendons of MuJoCo", "MjcEqualityJointAPI": "couplings of joints", "NewtonMimicAPI": "couplings of joints",
 }
 
 NO_LIMIT = inf

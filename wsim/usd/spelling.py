@@ -69,7 +69,7 @@ def spelling(reading: Reading, prim: Usd.Prim) -> None:
 def _schema(reading: Reading, prim: Usd.Prim, name: str) -> None:
     """A type or an applied API."""
     if name in names.FEATURES:
-        reading.warn(prim.GetPath(), f"{name}: {names.FEATURES[name]} is not simulated")
+        reading.warn(prim.GetPath(), f"wsim does not simulate {names.FEATURES[name]} ({name})")
     elif name in FOREIGN_SCHEMAS:
         reading.warn(prim.GetPath(), f"{name} is not read; the current schema is {FOREIGN_SCHEMAS[name]}")
     elif name.startswith(FOREIGN_TYPES) and name.endswith("Attachment"):

@@ -69,7 +69,7 @@ class Reading:
     followed: set = field(default_factory=set)           # those of them that became curves
     skinned: dict = field(default_factory=dict)          # what a skeleton moves: {path: wsim.usd.prims.skeletons.Bound}
     bones: dict = field(default_factory=dict)            # skeletons that something follows: {path: Skeleton, None: broken}
-    held: set | None = None                              # rigid bodies without mass that fixed joints hold; None: not known yet
+    held: dict | None = None                             # what holds rigid bodies without mass, by path; None: not known yet
     stacks: dict | None = None                           # joints that act one behind the other, by path; None: not known yet
     varying: list = field(default_factory=list)          # (where it was found, `wsim.scene.Varying`)
 

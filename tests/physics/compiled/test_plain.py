@@ -80,8 +80,8 @@ def test_a_warp_without_private_names_is_run_as_it_is(monkeypatch):
         """A module that offers nothing."""
     assert warp_private.folder_name(Bare(), 1) is None and not warp_private.in_cache(Bare(), 1)
     assert warp_private.executables(Bare()) is None
-    warp_private.forget(Bare())
-    assert warp_private.private("no_such_module") is None
+    warp_private.forget_module(Bare())
+    assert warp_private.private_module("no_such_module") is None
 
 
 @pytest.mark.parametrize("steps", [((0.5, 0.5), (0.5, 0.5)), ((1.0, 0.5),),

@@ -91,3 +91,15 @@ def test_passive_springs_and_dampers_are_drives_and_what_is_not_simulated_is_sai
     drive = scene.things("Joint")[0].drives["rotX"]
     assert abs(drive.damping / (0.5 * 180.0 / np.pi) - 1.0) < 1e-6 and drive.stiffness == 3.0
     assert any("newton:armature" in note.text for note in scene.notes)
+
+
+def test_a_drive_that_varies_and_a_slide_behind_a_turn_are_said(tmp_path):
+    slide, hinge = UsdPhysics.PrismaticJoint, UsdPhysics.RevoluteJoint
+    stage = stage_of(tmp_path, [(hinge, "Y", -10.0, 10.0), (slide, "X", -1.0, 1.0)])
+    assert any("turns with a hinge before it" in note.text for note in load(stage).notes)
+    drive = UsdPhysics.DriveAPI.Apply(stage.GetPrimAtPath("/j1"), "linear")
+    drive.CreateStiffnessAttr(1.0)
+    for code in (0.0, 10.0):
+        drive.CreateTargetPositionAttr().Set(0.1 * code, code)
+    with pytest.raises(SceneError, match="/j0: is one of 2 joints .* varies in time"):
+        load(stage)

@@ -182,6 +182,24 @@ def test_bodies_without_mass_that_fixed_joints_hold_are_frames(tmp_path):
     assert np.allclose(joints["/wrist"].at0, (2.5, 0.0, 0.0))
 
 
+def test_frames_that_hold_each_other_alone_have_no_mass(tmp_path):
+    """Nothing holds the two of them but themselves: they are bodies, and refused by name."""
+    text = """#usda 1.0
+( metersPerUnit = 1; upAxis = "Z"; timeCodesPerSecond = 24; startTimeCode = 0; endTimeCode = 5 )
+def Xform "outer" (prepend apiSchemas = ["PhysicsRigidBodyAPI"])
+{
+    def Xform "inner" (prepend apiSchemas = ["PhysicsRigidBodyAPI"]) {}
+}
+def PhysicsFixedJoint "weld"
+{
+    rel physics:body0 = </outer>
+    rel physics:body1 = </outer/inner>
+}
+"""
+    with pytest.raises(SceneError, match="/outer: has no mass"):
+        written(tmp_path / "a.usda", text)
+
+
 def cube(stage, path: str, size: float):
     found = UsdGeom.Cube.Define(stage, path)
     found.CreateSizeAttr(size)

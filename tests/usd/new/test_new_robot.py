@@ -90,13 +90,19 @@ def test_what_a_converter_refuses_is_told_and_leaves_nothing(converter, tmp_path
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the converter of this test is a script that Windows does not start")
-def test_a_folder_with_other_files_is_kept(converter, tmp_path, capsys):
+def test_a_folder_of_somebody_else_is_kept_and_one_of_its_own_replaced(converter, tmp_path, capsys):
     (tmp_path / "a.urdf").write_text("<robot/>")
     (tmp_path / "a_robot").mkdir()
-    (tmp_path / "a_robot" / "notes.txt").write_text("mine")
-    assert main(["new", "robot", "a.urdf", "-o", "a.usda"]) == 1
-    assert "a_robot: holds files that are not USD" in capsys.readouterr().err
-    assert (tmp_path / "a_robot" / "notes.txt").read_text() == "mine"
+    (tmp_path / "a_robot" / "mine.usda").write_text("#usda 1.0")
+    assert main(["new", "robot", "a.urdf", "-o", "a.usda", "--force"]) == 1
+    assert "a_robot: is there already, and not by this command" in capsys.readouterr().err
+    assert (tmp_path / "a_robot" / "mine.usda").read_text() == "#usda 1.0"
+    for _ in range(2):
+        assert main(["new", "robot", "a.urdf", "-o", "b.usda", "--force"]) == 0
+    for out in ("b.txt", "nowhere/b.usda"):
+        assert main(["new", "robot", "a.urdf", "-o", out]) == 1
+        assert f"{out}: is no place for a scene" in capsys.readouterr().err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.urdf", "a_robot", "b.usda", "b_robot", "env"]
 
 
 def test_the_masses_of_bodies_within_bodies_stay_apart(tmp_path):

@@ -21,7 +21,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.model.warp_private import Instance, Struct, context, private
+from wsim.model.warp_private import Instance, Struct, context, private_module
 
 INFO = ("kernel_key", "module_hash", "is_forward", "_pad", "params", "num_params", "kernel_dim", "value_data_size",
         "value_data", "adj_params", "num_relocs", "_pad2", "relocs")
@@ -35,7 +35,7 @@ BACK = frozenset(("adjoint", "adj_inputs", "adj_outputs"))         # words of a 
 def lean() -> type | None:
     """A class of captures of the installed Warp that records so; None: Warp is not as known here."""
     try:
-        capture, types = private("apic.capture"), private("apic.types")
+        capture, types = private_module("apic.capture"), private_module("apic.types")
         known = (tuple(field[0] for field in types.APICLaunchInfo._fields_) == INFO
                  and tuple(field[0] for field in types.APICLaunchParamRecord._fields_) == PARAMETER
                  and tuple(inspect.signature(capture.APICapture.build_launch_info).parameters) == ARGUMENTS

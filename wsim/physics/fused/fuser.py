@@ -127,7 +127,7 @@ class Fuser:
         module, other = (wp.get_module(self.model.module + end) for end in ("", "_apart"))
         for kernel in self.within - launched if self.teams else ():
             if module.kernels.pop(kernel.key, None) is kernel:
-                warp_private.drop(module, kernel)
+                warp_private.drop_kernel(module, kernel)
                 kernel.module = other
                 other.register_kernel(kernel)
                 self.apart.append(kernel)

@@ -80,12 +80,12 @@ def collider_volume(collider: Collider) -> Volume:
     box or a ball, else what it encloses."""
     shape = collider.shape
     if isinstance(shape, Surface) and collider.approximation in APPROXIMATED and len(shape.points):
-        solid, center = approximated(shape, collider.approximation)
+        solid, center = approximate_shape(shape, collider.approximation)
         return NOTHING if solid is None else volume(solid).shifted(center).moved(collider.motion.at(0.0))
     return volume(shape).moved(collider.motion.at(0.0))
 
 
-def approximated(shape: Surface, name: str) -> tuple[Shape | None, np.ndarray]:
+def approximate_shape(shape: Surface, name: str) -> tuple[Shape | None, np.ndarray]:
     """What an approximation (`APPROXIMATED`) makes of a mesh, and where its middle is (3,) [m]; None: it has no volume."""
     points = shape.points.astype(np.float64)
     low, high = points.min(axis=0), points.max(axis=0)

@@ -15,7 +15,7 @@ import numpy as np
 from wsim.geometry.convex_hull import ConvexHull
 from wsim.geometry.triangulate import triangulate
 from wsim.geometry.winding import wound_alike
-from wsim.physics.rigid.mass import approximated, hull, volume
+from wsim.physics.rigid.mass import approximate_shape, hull, volume
 from wsim.scene import Collider, Surface
 from wsim.scene.methods import dressed
 from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Shape, Sphere, row
@@ -110,7 +110,7 @@ def as_met(collider: Collider, of_body: bool) -> Met | None:
     if shape.poses is not None or len(shape.points) == 0:
         return None
     if collider.approximation in ("boundingCube", "boundingSphere"):
-        solid, middle = approximated(shape, collider.approximation)
+        solid, middle = approximate_shape(shape, collider.approximation)
         return None if solid is None else Met(row(solid).kind, solid, center=tuple(middle.tolist()))
     if of_body or collider.approximation in HULLS or filled(shape) >= 1.0 - CONVEX:
         found = hull(shape)

@@ -21,7 +21,7 @@ def nothing(stage: Usd.Stage, simulated: list, meshes: list, tet_meshes: list) -
     missing = dict.fromkeys(names.FEATURES[api] for api in found if api in names.FEATURES)
     text = "nothing in it can be simulated"
     if missing:
-        text += f": {' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} not"
+        text += f": wsim does not simulate {' and '.join(missing)}"
     elif left_out:
         text += f" (left out: {', '.join(left_out[:4])}{' ...' * (len(left_out) > 4)})"
     hints = [_hint(os.path.basename(file), *kind) for kind in (

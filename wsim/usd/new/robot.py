@@ -22,11 +22,12 @@ from wsim.usd import names
 from wsim.usd.load import read_stage
 from wsim.usd.new.mesh import relative
 from wsim.usd.new.place import author_ground
-from wsim.usd.stage import Units, applied, open_stage, quiet
+from wsim.usd.stage import SUFFIXES, Units, applied, open_stage, quiet
 from wsim.usd.write import author_units, new_stage
 
 PACKAGES = {".xml": "mujoco-usd-converter", ".urdf": "urdf-usd-converter"}
 FRAMES = 96
+MADE = "wsim_robot.txt"         # says that a folder is one of these, which may be replaced
 NEAR = 1e-3                     # [m] between where a body stands in both models
 MODEL = """
 import json, sys
@@ -56,6 +57,8 @@ def author_robot(file, out, *, ground: float | None = None, frames: int | None =
         raise SceneError(Problem(file, f"ends in {Path(file).suffix or 'nothing'!r}; allowed is .urdf, or .xml of MuJoCo"))
     if not os.path.isfile(file):
         raise SceneError(Problem(file, "there is no such file; give the path of a .urdf or .xml file"))
+    if target.suffix not in SUFFIXES or not target.parent.is_dir():
+        raise SceneError(Problem(str(target), f"is no place for a scene; allowed: {', '.join(SUFFIXES)} in an existing folder"))
     tool = _tool(package)
     folder = target.with_name(f"{target.stem}_robot")
     robot = _converted(tool, file, folder)
@@ -100,9 +103,10 @@ def _run(command: list, file: str) -> None:
 
 
 def _converted(tool: Path, file: str, folder: Path) -> Path:
-    """The USD file that a converter makes, in a folder that holds nothing else."""
-    if folder.exists() and any(each.suffix not in (".usdc", ".usda") for each in folder.iterdir()):
-        raise SceneError(Problem(str(folder), "holds files that are not USD; the converted robot goes here: move them away"))
+    """The USD file that a converter makes, in a folder of its own: one that was made here before is replaced, no other."""
+    if folder.exists() and not (folder / MADE).is_file():
+        raise SceneError(Problem(str(folder), "is there already, and not by this command; the converted robot goes here: "
+                                 "move it away, or choose another name for the scene"))
     with tempfile.TemporaryDirectory(dir=folder.parent) as made:
         _run([tool, "--no-layer-structure", file, made], file)
         results = sorted(Path(made).glob("*.usd*"))
@@ -110,6 +114,7 @@ def _converted(tool: Path, file: str, folder: Path) -> Path:
             raise SceneError(Problem(file, f"{tool.name} made {len(results)} USD files of it; expected: one"))
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(made, folder)
+        (folder / MADE).write_text(f"made by wsim new robot of {os.path.basename(file)}\n", encoding="utf-8")
         return folder / results[0].name
 
 

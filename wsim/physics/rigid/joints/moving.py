@@ -14,20 +14,28 @@ def simulated(reading: Reading, prim: Usd.Prim) -> bool:
     return prim.GetPath() not in _held(reading)
 
 
-def _held(reading: Reading) -> set[Sdf.Path]:
-    """Bodies without mass and colliders that a fixed joint holds to the world, or to a body that they lie in: converters of
-    robots write such anchors and frames. They stand still, or belong to that body."""
+def _held(reading: Reading) -> dict[Sdf.Path, Usd.Prim | None]:
+    """Bodies without mass and colliders that a fixed joint holds to the world (None), or to a body that they lie in: converters
+    of robots write such anchors and frames. They stand still, or belong to that body."""
     if reading.held is None:
-        reading.held = set()
+        reading.held = {}
         joined = [_ends(reading, prim) for prim in _fixed(reading)]
         size = -1
         while size < len(reading.held):                         # an anchor may hold another one
             size = len(reading.held)
             for ends in joined:
                 for prim, other in (ends, ends[::-1]):
-                    if prim and _massless(reading, prim) and _holds(reading, other, prim):
-                        reading.held.add(prim.GetPath())
+                    root = _root(reading, other)
+                    if prim and prim.GetPath() not in reading.held and _massless(reading, prim) and (
+                            root is None or root != prim and prim.GetPath().HasPrefix(root.GetPath())):
+                        reading.held[prim.GetPath()] = root
     return reading.held
+
+
+def _root(reading: Reading, prim: Usd.Prim | None) -> Usd.Prim | None:
+    """What holds a frame in the end, a body or the world; any other body itself."""
+    held = reading.held or {}
+    return held[prim.GetPath()] if prim and prim.GetPath() in held else prim
 
 
 def _fixed(reading: Reading) -> list[Usd.Prim]:
@@ -46,12 +54,6 @@ def _ends(reading: Reading, joint: Usd.Prim) -> tuple[Usd.Prim | None, Usd.Prim 
             prim = prim.GetParent()
         found.append(prim if prim and not prim.IsPseudoRoot() else None)
     return found[0], found[1]
-
-
-def _holds(reading: Reading, other: Usd.Prim | None, prim: Usd.Prim) -> bool:
-    """Whether what a fixed joint has on its other side carries a prim along: the world, or a body that the prim lies in."""
-    return other is None or other.GetPath() in (reading.held or ()) or (
-        other != prim and prim.GetPath().HasPrefix(other.GetPath()))
 
 
 def _massless(reading: Reading, prim: Usd.Prim) -> bool:
@@ -77,7 +79,10 @@ def holds_a_frame(reading: Reading, joint: Usd.Prim) -> bool:
 def body_of(reading: Reading, prim: Usd.Prim) -> Usd.Prim | None:
     """The body that moves by forces that a prim is, or lies in."""
     while prim and not prim.IsPseudoRoot():
-        if names.RIGID_BODY in applied(prim) and prim.GetPath() not in _held(reading):
+        if prim.GetPath() in _held(reading):
+            holder = _held(reading)[prim.GetPath()]
+            return holder if holder and simulated(reading, holder) else None
+        if names.RIGID_BODY in applied(prim):
             return prim if simulated(reading, prim) else None
         prim = prim.GetParent()
     return None

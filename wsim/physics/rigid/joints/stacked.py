@@ -3,7 +3,8 @@
 In an articulation with `newton:jointsAddMobility`, revolute and prismatic joints between the same two bodies act one behind the
 other, the first outermost, as MuJoCo has them: R = R(a_1) R(a_2) ... R(a_n). One `Joint` has the same freedom: rotX (twist)
 is the innermost turn, rotY and rotZ (swing) are the outer turns. Two turns are exact. With three, limits and springs agree only
-for small angles. Without the attribute each joint is a constraint of its own, as in USD.
+for small angles; so does a slide that a turn carries along. Without the attribute each joint is a constraint of its own, as in
+USD.
 """
 
 from collections import defaultdict
@@ -25,7 +26,7 @@ ACROSS = 1e-3                # cosine between axes that count as orthogonal
 DEGREE = np.pi / 180.0
 
 
-def stacked(reading: Reading, prim: Usd.Prim) -> list[Usd.Prim]:
+def stacked_joints(reading: Reading, prim: Usd.Prim) -> list[Usd.Prim]:
     """Joints that act one behind the other with a joint, outermost first; of others the joint alone."""
     if reading.stacks is None:
         reading.stacks = {}
@@ -51,8 +52,9 @@ def _adds(reading: Reading, prim: Usd.Prim) -> bool:
     return False
 
 
-def merged(reading: Reading, joints: list[Joint]) -> Joint | None:
-    """One joint with the freedom of revolute and prismatic ones, outermost first; None where axes are not orthogonal."""
+def merge_joints(reading: Reading, joints: list[Joint]) -> Joint | None:
+    """One joint with the freedom of revolute and prismatic ones, outermost first; None, with an error, where axes are not
+    orthogonal or a drive varies in time."""
     free = [next(name for name in AXES if not joint.locked(name)) for joint in joints]
     turns = [joint for joint, name in zip(joints, free, strict=True) if name == "rotX"][::-1]          # innermost first
     shifts = [joint for joint, name in zip(joints, free, strict=True) if name == "transX"]
@@ -65,6 +67,13 @@ def merged(reading: Reading, joints: list[Joint]) -> Joint | None:
         reading.fail(joints[0].path, f"{len(joints)} joints between the same bodies add mobility along axes that are not "
                      "orthogonal; allowed: orthogonal axes; mend: put a body between each two of these joints")
         return None
+    if any(varying.path in {joint.path for joint in joints} for _, varying in reading.varying):
+        reading.fail(joints[0].path, f"is one of {len(joints)} joints that add mobility between the same bodies, and a drive "
+                     "of theirs varies in time; allowed: constant targets; mend: put a body between each two of these joints")
+        return None
+    if "transX" in free[(free + ["rotX"]).index("rotX"):]:
+        reading.warn(joints[0].path, "a slide of theirs turns with a hinge before it, and here it does not: that is right for "
+                     "small angles alone; put a body between each two of these joints")
     R = np.stack(axes, 1) if len(axes) == 3 else np.eye(3)
     if len(axes) < 3:
         R = np.stack([*axes, *_completed(axes)], 1)
@@ -103,7 +112,7 @@ def _add(found: Joint, joint: Joint, R: np.ndarray) -> None:
         found.drives[name] = replace(drive, target=sign * drive.target, speed=sign * drive.speed)
 
 
-def passive(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str, Drive]) -> dict[str, Drive]:
+def passive_drives(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str, Drive]) -> dict[str, Drive]:
     """Drives of a joint with one free coordinate, and with its passive spring and damper (NewtonJointAPI, MjcJointAPI)."""
     values = {key: float(attribute.Get(reading.start) or 0.0) for key in (DAMPING, STIFFNESS, REST, *UNSEEN)
               if (attribute := prim.GetAttribute(key)) and attribute.HasAuthoredValue()}

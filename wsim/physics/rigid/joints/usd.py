@@ -14,7 +14,7 @@ from wsim.geometry import rotation
 from wsim.physics.rigid.joints.authored import faults
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, all_locked
 from wsim.physics.rigid.joints.moving import body_of, holds_a_frame
-from wsim.physics.rigid.joints.stacked import merged, passive, stacked
+from wsim.physics.rigid.joints.stacked import merge_joints, passive_drives, stacked_joints
 from wsim.scene.curve import Motion
 from wsim.usd.load_varying import vary
 from wsim.usd.stage import Reading, Units, applied
@@ -29,11 +29,11 @@ KINDS = {"PhysicsRevoluteJoint": ("rotX", "angular"), "PhysicsPrismaticJoint": (
 
 def load(reading: Reading, prim: Usd.Prim) -> Joint | None:
     """The joint of a prim; of several that act one behind the other, one joint at the first of them."""
-    group = stacked(reading, prim)
+    group = stacked_joints(reading, prim)
     if prim != group[0]:
         return None
     joints = [joint for each in group if (joint := _joint(reading, each)) is not None]
-    return merged(reading, joints) if len(joints) > 1 else joints[0] if joints else None
+    return merge_joints(reading, joints) if len(joints) > 1 else joints[0] if joints else None
 
 
 def _joint(reading: Reading, prim: Usd.Prim) -> Joint | None:
@@ -181,7 +181,7 @@ def _table(reading: Reading, prim: Usd.Prim, kind: str):
                 limits[name] = _range(units, name, own.GetLowAttr().Get(start), own.GetHighAttr().Get(start))
     drives = {name: _drive(reading, prim, given, name) for given, name in _driven(prim, kind)}
     if kind in KINDS:
-        drives = passive(reading, prim, KINDS[kind][0], drives)
+        drives = passive_drives(reading, prim, KINDS[kind][0], drives)
     return limits, drives, cone, turn
 
 
