@@ -4,7 +4,7 @@ At theta all copies are run together and the normal equations are summed up mome
 the step (`wsim.fitting.least_squares.levenberg_marquardt`) is larger than the error bars that the data so far allow, later data
 cannot make the step any better: the run is left there, and the step is taken. So first steps cost a few frames, and only those
 near the end the whole horizon. A step after which the misfit over the same frames is larger is taken back, with a quarter of
-the radius.
+the radius. Where no step makes it smaller, the next run goes on to later frames, twice as far.
 """
 
 from collections.abc import Callable
@@ -21,6 +21,7 @@ from wsim.scene import Problem, SceneError
 LINEAR = 0.2           # part of the answer to a change of theta by NEAR that curvature may be, where it is more than noise
 NEAR = 1e-3            # no model knows a parameter better: where such a change is not answered in proportion, all is chance
 SLACK = 1e-3           # of the misfit: as good as equal
+LEAST = 1e-9           # of theta: a shorter step is none
 
 
 class Search(LevenbergMarquardt):
@@ -32,6 +33,7 @@ class Search(LevenbergMarquardt):
         super().__init__(prior, sigma=sigma, accuracy=accuracy, floor=misfit.floor, eps=misfit.eps, end=misfit.moments[-1])
         self.misfit, self.theta, self.limit, self.each, self.steps = misfit, theta, limit, each, 0
         self.best: Sums | None = None
+        self.least = 0.0                       # time [s] to which the next run goes, whatever is known before
         self.accepted, self.converged, self.notes = False, False, []      # type: ignore[var-annotated]
 
     # a walk through time
@@ -50,7 +52,7 @@ class Search(LevenbergMarquardt):
                 sums.add(part)
                 if best and sums.time <= best.time and self.cost(sums, best) > most:
                     return None
-                if (best is None or sums.time >= best.time) and self.ends(sums):
+                if sums.time >= max(self.least, best.time if best else 0.0) and self.ends(sums):
                     return sums
         except Broken as broken:
             if not sums.rows and best is None:
@@ -91,6 +93,7 @@ class Search(LevenbergMarquardt):
 
     def run(self) -> None:
         while not self.converged and self.misfit.walked < self.limit:
+            before, of_the_best = self.best, (self.end, self.notes)
             self.end, self.notes = self.misfit.moments[-1], []
             sums = self.look()
             self.steps, self.accepted = self.steps + 1, sums is not None
@@ -98,6 +101,7 @@ class Search(LevenbergMarquardt):
                 assert self.best is not None
                 d, _ = self.step(self.best)
                 self.radius = 0.25 * float(np.abs(d).max())
+                self.end, self.notes = of_the_best
             else:
                 d, _ = self.step(sums)
                 if self.best is not None:
@@ -107,6 +111,8 @@ class Search(LevenbergMarquardt):
                     self.best = self.look_behind(sums)
                     self.converged = self.there(self.best)
             self.theta = self.best.theta + self.step(self.best)[0]
+            if self.halts(before):
+                self.go_on()
             self.each(self)
             if self.stuck():
                 break
@@ -132,6 +138,23 @@ class Search(LevenbergMarquardt):
             return best
         return sums
 
+    def halts(self, before: Sums | None) -> bool:
+        """True if no step makes the misfit smaller over frames before the last that can be used. before: what was best."""
+        best = self.best
+        assert best is not None
+        if self.converged or best.time >= self.end or before is None:
+            return False
+        if not self.accepted:
+            return self.radius < NEAR
+        return best.time <= before.time and self.cost(best, before) >= (1.0 - SLACK) * self.cost(before, before) - SLACK
+
+    def go_on(self) -> None:
+        """The next run is at the best theta once more, to later frames."""
+        assert self.best is not None
+        later = [t for t in self.misfit.moments if t > self.best.time]
+        self.least = next((t for t in later if t >= 2.0 * self.best.time), later[-1])
+        self.theta, self.radius = self.best.theta.copy(), RADIUS
+
     def stuck(self) -> bool:
         """True if no step is left though the fit has not converged; it says why."""
         best = self.best
@@ -143,7 +166,7 @@ class Search(LevenbergMarquardt):
             self.notes.append("nothing that is fitted shows in what was observed by more than its noise: the values are about "
                               "those at the start, and say nothing")
             return True
-        if self.radius >= 1e-9 and np.abs(self.theta - best.theta).max() > 0.0:
+        if self.radius >= LEAST and np.abs(self.theta - best.theta).max() > 0.0:
             return False
         self.notes.append("no step makes the misfit any smaller, though first derivatives promise it")
         return True
@@ -157,7 +180,7 @@ class Search(LevenbergMarquardt):
     def save(self, path) -> None:
         b = self.best
         best = b and {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in vars(b).items()
-                      if name not in ("steps", "before")}
+                      if name not in ("steps", "before", "blocks")}
         state.write(path, self.names, {
             "theta": self.theta.tolist(), "radius": self.radius, "steps": self.steps, "simulations": self.misfit.walked,
             "launches": self.misfit.launches, "converged": self.converged, "end": self.end, "notes": self.notes, "best": best,
