@@ -105,10 +105,11 @@ def test_a_scene_that_is_settled_stays_so(integrator, steps):
 # what is found
 
 def test_two_parameters_of_a_noisy_sheet_within_a_percent_in_twelve_simulations(fall):
-    """From half and double, 1 mm of noise; every copy counts for the part of the horizon that it ran."""
+    """From half and double, 1 mm of noise; every copy counts for the part of the horizon that it ran. The
+    run with half the time step at the end costs two more."""
     scene, x = fall
     found = fit(scene, seen(x, "/sheet", 1e-3), "stretch,bend", start=FAR, settings=Settings(device="cpu", accuracy=0.01))
-    assert found.converged and found.simulations <= 12.0
+    assert found.converged and found.simulations <= 12.0 + 2.0
     assert found.values == pytest.approx({"stretch": 200.0, "bend": 1e-3}, rel=0.01)
     assert found.scene.cloths[0].material.bend == found.values["bend"] and scene.cloths[0].material.bend == 1e-3
 
@@ -150,9 +151,10 @@ def test_error_bars_hold_the_truth(fall):
 
 
 def test_modulus_and_poisson_s_ratio_of_a_bar_in_fifteen_simulations(swing):
+    """And two for the run with half the time step."""
     scene, x = swing
     found = fit(scene, seen(x, "/bar", 1e-4), "young,poisson", start={"young": 2e5, "poisson": 0.4}, settings=CPU)
-    assert found.converged and found.simulations <= 15.0
+    assert found.converged and found.simulations <= 15.0 + 2.0
     assert found.values["young"] == pytest.approx(1e5, rel=0.005) and found.values["poisson"] == pytest.approx(0.3, abs=0.02)
 
 

@@ -26,6 +26,7 @@ from wsim.fitting.fields.fit import fit_fields
 from wsim.fitting.least_squares import goodness
 from wsim.fitting.least_squares.levenberg_marquardt import Prior
 from wsim.fitting.least_squares.search import Search
+from wsim.fitting.least_squares.time_step import TimeStep, halve, unknown
 from wsim.fitting.least_squares.uncertainty import Estimate, estimate
 from wsim.fitting.observations.residuals import Misfit, experiments_of
 from wsim.fitting.parameter import Parameter
@@ -82,6 +83,7 @@ class Fit:
     notes: list[str] = field(default_factory=list)
     unit: str = "m"                        # of sigma; where positions and forces have one each, "sigma" and 1
     origin: str = "given"                  # of sigma: "given", "estimated", or "floor", below which none is claimed
+    half_step: TimeStep | None = None      # by how much half the time step shifts the values
 
     @property
     def values(self) -> dict[str, float]:
@@ -94,10 +96,12 @@ class Fit:
 
     def as_dict(self) -> dict:
         """The result as a dictionary for JSON."""
-        e = self.estimate
+        e, half = self.estimate, self.half_step or unknown(len(self.parameters))
         return {"parameters": [{"name": p.name, "value": v, "error": s, "low": a, "high": b, "unit": p.unit,
+                                "half_time_step_shift": d if np.isfinite(d) else None,
                                 "identifiable": bool(np.isfinite(s)), **({} if p.only is None else {"experiment": p.only + 1})}
-                               for p, v, s, a, b in zip(self.parameters, e.values, e.errors, e.low, e.high, strict=True)],
+                               for p, v, s, a, b, d in zip(self.parameters, e.values, e.errors, e.low, e.high, half.values,
+                                                           strict=True)],
                 "correlation": e.correlation.tolist(), "singular_values": e.singular.tolist(), "not_identifiable": e.words,
                 "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit, "sigma_is": self.origin,
                 "misfit_over_sigma": self.misfit, "frames": self.frames,
@@ -191,10 +195,13 @@ def _result(search: Search, found: list[Parameter], scenes: list[Scene], seconds
     noise = search.noise(best, best.misfit)
     left = sqrt(best.misfit / max(best.count - len(found), 1) / noise)
     doubts = goodness.notes(search, noise, left)
-    e = estimate(found, best.theta, search.spectrum(best), noise * max(1.0, left)**2, search.prior.weight)
+    widened = noise * max(1.0, left)**2
+    e = estimate(found, best.theta, search.spectrum(best), widened, search.prior.weight)
+    half = halve(search, e, widened)
     for p, value in zip(found, e.values, strict=True):
         scenes = p.in_all(scenes, float(value))
     sigma = misfit.sigma * sqrt(noise) if search.known else sqrt(noise)
     return Fit(found, e, scenes[0], scenes, search.converged, sigma, left, search.steps, misfit.walked, misfit.launches,
                1 + len(found) * (1 + misfit.central), best.frame, seconds, best.rows,
-               [*search.notes, *doubts, *misfit.notes()], misfit.unit, goodness.origin(search, noise))
+               [*search.notes, *half.notes(found, e.values), *doubts, *misfit.notes()], misfit.unit,
+               goodness.origin(search, noise), half)

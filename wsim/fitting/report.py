@@ -23,18 +23,21 @@ def number(value: float, error: float = 0.0) -> str:
 
 def text(fit: "Fit") -> str:
     """Table, what the data leave open, residuals over time, cost."""
-    e, rows = fit.estimate, [("parameter", "value", "error bar", "two error bars", "unit")]
+    e, half = fit.estimate, fit.half_step
+    rows = [("parameter", "value", "error bar", "two error bars", "unit", "half the time step shifts it by")]
     for k, p in enumerate(fit.parameters):
         known, error = np.isfinite(e.errors[k]), float(e.errors[k])
         rows.append((p.name, number(e.values[k], error), f"{error:.2g}" if known else "unknown",
-                     f"{number(e.low[k], error)} to {number(e.high[k], error)}" if known else "not identifiable", p.unit))
-    lines = [line.rstrip() for line in columns(rows, "<>><<")]
+                     f"{number(e.low[k], error)} to {number(e.high[k], error)}" if known else "not identifiable", p.unit,
+                     half.told(k, e.values[k]) if half else "unknown"))
+    lines = [line.rstrip() for line in columns(rows, "<>><<<")]
     lines += [f"not identifiable: {w}" for w in e.words]
     lines += _correlated(fit)
     lines.append(f"singular values {', '.join(f'{s:.3g}' for s in e.singular)} (of the Jacobian over the noise)")
     lines.append(f"noise {fit.sigma:.3g} {fit.unit}, residuals over it {fit.misfit:.3g}; by time |{bars(fit)}|; noise "
                  f"{ORIGIN[fit.origin]}")
-    end = "converged" if fit.converged else "NOT converged"
+    end = "NOT converged" if not fit.converged else \
+        "converged for this time step alone" if half and half.matters.any() else "converged"
     lines.append(f"{end} after {fit.steps} steps, {fit.simulations:.3g} simulations ({fit.launches} launches of "
                  f"{fit.worlds} copies), {fit.seconds:.3g} s, frames to {fit.frames}")
     return "\n".join([*lines, *(f"warning: {n}" for n in fit.notes)])

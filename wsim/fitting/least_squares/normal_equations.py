@@ -54,6 +54,7 @@ class Sums:
     rows: list[tuple[float, int, float]] = field(default_factory=list)      # time, frame, rms of r
     growth: list[list[float]] = field(default_factory=list)                 # rms of each column, moment by moment
     before: np.ndarray | None = None          # r of the last moment
+    blocks: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)      # r and J of each moment
 
     @staticmethod
     def at(theta: np.ndarray, steps: Steps, central: bool) -> "Sums":
@@ -72,6 +73,7 @@ class Sums:
         if self.before is not None and len(self.before) == len(part.r):
             self.alike += float(self.before @ part.r)
         self.before = part.r
+        self.blocks.append((part.r, part.J))
         self.rows.append((part.time, part.frame, float(np.sqrt(np.mean(part.r**2))) if len(part.r) else 0.0))
         self.growth.append(np.sqrt(np.mean(part.J**2, axis=0)).tolist() if len(part.r) else [0.0] * part.J.shape[1])
 

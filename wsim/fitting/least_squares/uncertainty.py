@@ -29,6 +29,7 @@ class Estimate:
     errors: np.ndarray            # one standard deviation; inf: not identifiable
     low: np.ndarray               # two error bars below and above, through the map
     high: np.ndarray
+    covariance: np.ndarray        # of theta, 0 along what is open, (p, p)
     correlation: np.ndarray       # (p, p)
     singular: np.ndarray          # descending
     open: list[np.ndarray]        # directions of theta, (p,) each
@@ -57,7 +58,7 @@ def estimate(parameters: list[Parameter], theta: np.ndarray, spectrum: Spectrum,
                            for p, t in zip(parameters, theta + s * sigma, strict=True)]) for s in (-2.0, 2.0))
     errors = np.where(np.isfinite(sigma), slopes * np.where(np.isfinite(sigma), sigma, 0.0), np.inf)
     dark = [v for v in directions if np.linalg.norm(J @ v) < NOTHING * np.sqrt(noise)]
-    return Estimate(theta, values, errors, low, high, correlation, singular, directions,
+    return Estimate(theta, values, errors, low, high, C, correlation, singular, directions,
                     words(parameters, dark, np.sqrt((J**2).sum(axis=0) / noise))
                     + faint(parameters, [v for v in directions if not any(v is d for d in dark)]))
 

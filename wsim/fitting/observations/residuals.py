@@ -64,6 +64,7 @@ class Misfit:
         self.central = differences == "central"
         self.batches: dict[int, Any] = {}
         self.walked, self.launches = 0.0, 0             # whole simulations of one copy; batches begun
+        self.substeps: list[int] = []                   # of a frame in each experiment, in the last walk
         self.events = events(experiments)
         self.moments = [time for time, _ in self.events]
         solvers = self.of(1 + len(parameters) * (1 + self.central)).solvers
@@ -105,19 +106,23 @@ class Misfit:
         along = (steps.B * steps.h).T
         return np.concatenate([theta[None], theta + along, *([theta - along] if self.central else [])])
 
-    def walk(self, theta: np.ndarray, derivatives: bool = True, steps: Steps | None = None) -> Iterator[ResidualBlock]:
-        """Moment by moment; steps: None: along the axes. Raises Broken where a copy stops being a number; the walk may be left
-        at any moment."""
+    def walk(self, theta: np.ndarray, derivatives: bool = True, steps: Steps | None = None,
+             finer: int = 1) -> Iterator[ResidualBlock]:
+        """Moment by moment; steps: None: along the axes; finer: so many times the substeps of the last walk, in copies made for
+        it. Raises Broken where a copy stops being a number; the walk may be left at any moment."""
         steps = (steps or Steps.axes(len(self.parameters), self.eps)) if derivatives else None
         each = self.worlds(np.asarray(theta, np.float64), steps)
-        batch = self.of(len(each))
-        batch.take(batch.begin(np.array([self.values(row) for row in each])))
+        batch = self.of(len(each)) if finer == 1 else self.make(self.experiments, self.parameters, len(each))
+        least = batch.begin(np.array([self.values(row) for row in each]))
+        if finer == 1:
+            self.substeps = least
+        batch.take([finer * n for n in self.substeps])
         self.launches += len(self.experiments)
         at = [0] * len(self.experiments)
         for number, (moment, seen) in enumerate(self.events):
             r = batch.residuals(number)
             for k, frame, _, _ in seen:
-                self.walked += len(each) * (frame - at[k]) / self.lasts[k] / len(at)
+                self.walked += finer * len(each) * (frame - at[k]) / self.lasts[k] / len(at)
                 at[k] = frame
             yield self.part(moment, frame, r, steps)
 

@@ -1,0 +1,82 @@
+"""How far the time step shifts the result of a fit, by one run with half of it.
+
+    d = -C J^T (r' - r) / s^2        C = (J^T J / s^2 + P)^-1        r' residuals at the result with half the time step
+
+d is the Gauss-Newton step from the result to that of a fit with half the time step, in the mapped space. What was observed
+knows no time step: where d is more than an error bar, the time step decides about the result and not the noise. Of a scheme of
+order k the result for a step of 0 lies d / (2^k - 1) beyond. d errs by its square, so that no more than FAR of it is told.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsim.fitting.copies import Broken
+from wsim.fitting.least_squares.search import Search
+from wsim.fitting.least_squares.uncertainty import Estimate
+from wsim.fitting.parameter import Parameter
+from wsim.scene import SceneError
+
+FAR = 1.0              # of theta: a factor e; a linear model says nothing beyond
+
+
+@dataclass
+class TimeStep:
+    """By how much half the time step shifts each parameter, (p,), NaN where that is not known.
+
+    values: in the parameters' units. bars: in error bars. far: more than that.
+    """
+
+    values: np.ndarray
+    bars: np.ndarray
+    far: np.ndarray
+    why: str = ""                # nothing is known
+
+    @property
+    def matters(self) -> np.ndarray:
+        """Mask of the parameters that are shifted by more than their error bar."""
+        return np.abs(np.nan_to_num(self.bars)) > 1.0
+
+    def notes(self, parameters: list[Parameter], values: np.ndarray) -> list[str]:
+        """Warnings about shifts that are larger than an error bar."""
+        names = [f"{p.name} by {self.told(k, values[k])}"
+                 for k, p in enumerate(parameters) if self.matters[k]]
+        return [self.why] * bool(self.why) + [
+            f"half the time step shifts {', '.join(names)}: more than the error bars, which know noise alone; take more "
+            "substeps (or fluid steps) and fit again"] * bool(names)
+
+    def told(self, k: int, value: float) -> str:
+        """Shift of a parameter in words."""
+        if not np.isfinite(self.values[k]):
+            return "unknown"
+        shift = self.values[k]
+        size = f"{100.0 * shift / abs(value):+.2g} %" if value else f"{shift:+.2g}"
+        return f"{'over ' * bool(self.far[k])}{size} ({abs(self.bars[k]):.2g} error bars)"
+
+
+def unknown(count: int, why: str = "") -> TimeStep:
+    return TimeStep(np.full(count, np.nan), np.full(count, np.nan), np.zeros(count, bool), why)
+
+
+def halve(search: Search, e: Estimate, noise: float) -> TimeStep:
+    """The shift at the result of a search; noise: s^2 of the estimate. Costs two simulations of one copy."""
+    best, misfit, count = search.best, search.misfit, len(e.theta)
+    known = np.isfinite(e.errors)
+    if best is None or not known.any():
+        return unknown(count)
+    try:
+        blocks = best.blocks or [(part.r, part.J) for part in misfit.walk(best.theta, steps=best.steps)
+                                  if part.J is not None and part.time <= best.time]
+        slope = np.zeros(count)
+        for part, (r, J) in zip(misfit.walk(best.theta, derivatives=False, finer=2), blocks, strict=False):
+            slope += J.T @ (part.r - r)
+            if part.time >= best.time:
+                break
+    except (Broken, SceneError) as error:
+        return unknown(count, f"how far the time step shifts the values is not known: with half of it {error}")
+    d = np.where(known, -e.covariance @ slope / noise, np.nan)
+    near = np.clip(d, -FAR, FAR)
+    moved = [p.map.inverse(float(t)) if np.isfinite(t) else np.nan
+             for p, t in zip(misfit.parameters, e.theta + near, strict=True)]
+    sigma = np.sqrt(np.diag(e.covariance))
+    return TimeStep(np.array(moved) - e.values, d / np.where(sigma > 0.0, sigma, np.nan), np.abs(np.nan_to_num(d)) > FAR)
