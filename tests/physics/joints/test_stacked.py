@@ -1,5 +1,7 @@
 """Joints of robots that add mobility, one behind the other between the same bodies, and their passive springs and dampers."""
 
+from math import radians
+
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -91,6 +93,23 @@ def test_passive_springs_and_dampers_are_drives_and_what_is_not_simulated_is_sai
     drive = scene.things("Joint")[0].drives["rotX"]
     assert abs(drive.damping / (0.5 * 180.0 / np.pi) - 1.0) < 1e-6 and drive.stiffness == 3.0
     assert any("newton:armature" in note.text for note in scene.notes)
+
+
+@pytest.mark.parametrize("kind, name, unit, ref, springref", [
+    (UsdPhysics.RevoluteJoint, "rotX", np.pi / 180.0, 30.0, 35.0),
+    (UsdPhysics.RevoluteJoint, "rotX", np.pi / 180.0, radians(30.0), radians(35.0)),
+    (UsdPhysics.PrismaticJoint, "transX", 1.0, 30.0, 35.0)])
+def test_a_joint_of_mujoco_stands_at_its_reference(tmp_path, kind, name, unit, ref, springref):
+    """At 30 in a range of -10 to 40, with a spring that rests at 35: 40 below to 10 above, and 5 to the rest."""
+    stage = stage_of(tmp_path, [(kind, "X", -10.0, 40.0)])
+    for key, value in (("mjc:ref", ref), ("mjc:springref", springref), ("mjc:stiffness", 3.0)):
+        stage.GetPrimAtPath("/j0").CreateAttribute(key, Sdf.ValueTypeNames.Double).Set(value)
+    if ref < 1.0:
+        UsdPhysics.Scene.Define(stage, "/scene").GetPrim().CreateAttribute("mjc:compiler:angle", Sdf.ValueTypeNames.Token).Set(
+            "radian")
+    (joint,) = load(stage).things("Joint")
+    assert np.allclose(joint.limits[name], np.array([-40.0, 10.0]) * unit)
+    assert abs(joint.drives[name].target - 5.0 * unit) < 1e-9
 
 
 def test_a_drive_that_varies_and_a_slide_behind_a_turn_are_said(tmp_path):

@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from tests.physics.joints.make import rod, scene
 from wsim.geometry import rotation
-from wsim.physics.rigid.joints.filters.groups import Group, Parted, apart, filters
+from wsim.physics.rigid.joints.filters.groups import FilteredPairs, Group, apart, filters
 from wsim.physics.rigid.joints.joint import Drive, Joint, all_locked, between, fixed, prismatic, revolute, spherical
 from wsim.scene import Box, Collider, Scene, SceneError
 from wsim.scene.check.scene import check
@@ -211,8 +211,21 @@ def kept_apart(one: Scene) -> set:
 def test_pairs_and_joints_keep_colliders_apart(tmp_path):
     b = boxes(5)
     given = scene(*b, fixed("/j", b[0], b[1]), fixed("/k", b[1], b[2], collides=True), fixed("/l", b[3], b[4], enabled=False),
-                  Parted("/b2/box", ["/b0", "/g"]), Group("/g", ["/b4/box"]))
+                  FilteredPairs("/b2/box", ["/b0", "/g"]), Group("/g", ["/b4/box"]))
     assert kept_apart(given) == {(1, 0), (2, 0), (4, 2)}
     save(given, tmp_path / "a.usda")
     assert kept_apart(load(tmp_path / "a.usda")) == {(1, 0), (2, 0), (4, 2)}
     assert not kept_apart(scene(*boxes(2)))
+
+
+@pytest.mark.parametrize("still, free", [("", True), ("/w", True), ("/w/house", False), ("/w/house/floor", False)])
+def test_a_joint_to_the_world_keeps_a_body_from_nothing_else(still, free):
+    """Converters name the default prim as body 0, above all that there is: what hangs on it lands on the floor and on bodies. A
+    prim that collides is an object of its own, as USD has it of two bodies."""
+    hung, other = boxes(2)
+    for body, name in ((hung, "/w/hung"), (other, "/w/other")):
+        body.path, body.colliders[0].path = name, name + "/box"
+    given = scene(hung, other, revolute("/w/hung/j", None, hung, still=still))
+    shapes = [(body.colliders[0].path, 0) for body in (hung, other)] + [("/w/house/floor", -1)]
+    found = filters(given, shapes, [hung.path, other.path, ""])
+    assert (found is None) if free else (found.parted.tolist() == [2, 0])

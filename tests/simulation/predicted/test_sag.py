@@ -6,7 +6,7 @@ import pytest
 from tests.physics.rigid.standing.test_stacks import dice, floor, moved, piled, tower
 from wsim.geometry.rotation import about_axis
 from wsim.kernels.rigid import soft_step
-from wsim.physics.rigid.joints.filters.groups import Parted
+from wsim.physics.rigid.joints.filters.groups import FilteredPairs
 from wsim.physics.rigid.joints.joint import fixed
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Capsule, Collider, Cylinder, Scene, Surface, shapes
@@ -81,7 +81,7 @@ def test_what_joints_hold_moves_as_one_and_what_they_hold_to_the_world_bears():
 
 def test_what_filters_keep_apart_bears_nothing():
     column = dice(3, 0.1)
-    column.add(Parted("/b1", ["/b0"]))                     # falls through it, onto the floor
+    column.add(FilteredPairs("/b1", ["/b0"]))                     # falls through it, onto the floor
     assert need(column).falls and not need(dice(3, 0.1)).falls
 
 

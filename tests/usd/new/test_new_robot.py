@@ -73,7 +73,7 @@ def test_a_model_gives_its_masses_and_keeps_apart_what_its_masks_do(converter, t
     assert [round(body.mass, 5) for body in bodies] == [2.0, 3.0, 4.0] and scene.frames == 12
     assert abs(bodies[1].moments - (0.1, 0.2, 0.25)).max() < 1e-6 and abs(bodies[1].center - (0.0, 0.0, 0.1)).max() < 1e-6
     links = ["/robot/link", "/robot/link/link", "/robot/link/link/link"]
-    assert {p.path: set(p.others) for p in scene.things("Parted")} == {links[0]: {links[1], "/robot/rail"},
+    assert {p.path: set(p.others) for p in scene.things("FilteredPairs")} == {links[0]: {links[1], "/robot/rail"},
                                                                      links[1]: {"/robot/rail"}}
     ground = next(c for c in scene.colliders if c.path.endswith("ground"))
     assert abs(ground.motion.at(0.0)[2, 3] - (-1.0 - 0.5)) < 1e-6                # the rail reaches down to -1

@@ -294,7 +294,7 @@ def signature(b) -> list:
     from wsim.physics.rigid.meetings import bounces, kinds, seams
     own = [c for body in b.scene.things("Body") for c in meeting(body)]
     form = chosen(b.model.device, b.model.worlds * len(own) + len(standing(b.scene.colliders)))
-    filtered = any(b.scene.things(name) for name in ("Group", "Parted"))
+    filtered = any(b.scene.things(name) for name in ("Group", "FilteredPairs"))
     said = [sorted(kinds(b.scene.things("Body"), b.scene.colliders)), sorted(seams(b.scene)), bounces(b.scene),
             form.name, form.blocks, sleeps(b.scene), filtered, bool(acting(b.scene)), b.scene.contact_tolerance > 0.0]
     return said + [sorted({type(c.shape).__name__ for c in own}), any(c.restitution > 0.0 for c in own)] * points

@@ -19,7 +19,7 @@ from wsim.scene.curve import Motion
 
 DENSITY = 1000.0                             # [kg/m^3] where nothing is given, as USD has it
 OTHERS = {"Joint": "wsim.physics.rigid.joints.joint", "Group": "wsim.physics.rigid.joints.filters.groups",
-          "Parted": "wsim.physics.rigid.joints.filters.groups"}
+          "FilteredPairs": "wsim.physics.rigid.joints.filters.groups"}
 
 
 def vector(value) -> np.ndarray | None:

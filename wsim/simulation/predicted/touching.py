@@ -136,7 +136,7 @@ def touching(scene, bodies: list) -> tuple[Solids, Touches]:
     for k, (corners, _) in enumerate(meshes):
         more = _on_mesh(s, corners)
         found, other = found.joined(more), np.concatenate([other, np.full(len(more.a), len(s.body) + k)])
-    if scene.things("Group") or scene.things("Parted"):
+    if scene.things("Group") or scene.things("FilteredPairs"):
         found = found.part(~filtered(scene, bodies, s, [path for _, path in meshes])[found.a, other])
     return s, found
 

@@ -53,7 +53,7 @@ class Contacts:
         self.moves = any(c.motion.moves for c in self.colliders)
         self._shapes()
         self.filters: Any = None
-        if any(b.scene.things(name) for name in ("Joint", "Group", "Parted")):
+        if any(b.scene.things(name) for name in ("Joint", "Group", "FilteredPairs")):
             from wsim.physics.rigid.joints.filters.groups import of_contacts
             self.filters = of_contacts(b.scene, [(method.bodies[k][0].path, of, c.path) for k, of, c in self.owners])
         real, module = self.real, b.model.module

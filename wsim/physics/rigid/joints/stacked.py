@@ -19,9 +19,9 @@ from wsim.usd import names
 from wsim.usd.stage import Reading, Units
 
 SINGLE = ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint")
-DAMPING, STIFFNESS, REST = "newton:damping", "mjc:stiffness", "mjc:springref"
-UNSEEN = {"newton:armature": "the inertia of motors and gears", "newton:friction": "dry friction of joints",
-          "mjc:ref": "an offset of the joint coordinate that shifts its limits"}
+DAMPING, STIFFNESS, REST, REFERENCE = "newton:damping", "mjc:stiffness", "mjc:springref", "mjc:ref"
+ANGLE = "mjc:compiler:angle"                # of a PhysicsScene: the unit of REST and REFERENCE of turns
+UNSEEN = {"newton:armature": "the inertia of motors and gears", "newton:friction": "dry friction of joints"}
 ACROSS = 1e-3                # cosine between axes that count as orthogonal
 DEGREE = np.pi / 180.0
 
@@ -114,7 +114,7 @@ def _add(found: Joint, joint: Joint, R: np.ndarray) -> None:
 
 def passive_drives(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str, Drive]) -> dict[str, Drive]:
     """Drives of a joint with one free coordinate, and with its passive spring and damper (NewtonJointAPI, MjcJointAPI)."""
-    values = {key: float(attribute.Get(reading.start) or 0.0) for key in (DAMPING, STIFFNESS, REST, *UNSEEN)
+    values = {key: float(attribute.Get(reading.start) or 0.0) for key in (DAMPING, STIFFNESS, *UNSEEN)
               if (attribute := prim.GetAttribute(key)) and attribute.HasAuthoredValue()}
     for key, what in UNSEEN.items():
         if values.get(key, 0.0):
@@ -123,11 +123,25 @@ def passive_drives(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str
     if damping == 0.0 and stiffness == 0.0:
         return drives
     own = drives.get(name, Drive())
-    if values.get(REST, 0.0) or own.acceleration or own.speed or (stiffness and name in drives):
-        reading.warn(prim.GetPath(), f"{DAMPING} and {STIFFNESS} are left out: they do not combine with {REST} or with this "
-                     "joint's drive; remove those to keep them")
+    if own.acceleration or own.speed or (stiffness and name in drives):
+        reading.warn(prim.GetPath(), f"{DAMPING} and {STIFFNESS} are left out: they do not combine with this joint's drive; "
+                     "remove it to keep them")
         return drives
-    return drives | {name: replace(own, damping=own.damping + damping, stiffness=own.stiffness + stiffness)}
+    rest, zero = (mujoco_place(reading, prim, name, key) for key in (REST, REFERENCE))
+    rest = rest - zero if stiffness else own.target
+    return drives | {name: replace(own, damping=own.damping + damping, stiffness=own.stiffness + stiffness, target=rest)}
+
+
+def mujoco_place(reading: Reading, prim: Usd.Prim, name: str, key: str) -> float:
+    """A joint's mjc:ref, or mjc:springref, in metres or radians; 0 where it is not authored. A joint of MuJoCo stands at its
+    mjc:ref in the stage, where ours stands at 0: limits and the rest of its spring are less by that."""
+    attribute = prim.GetAttribute(key)
+    value = float(attribute.Get(reading.start) or 0.0) if attribute and attribute.HasAuthoredValue() else 0.0
+    if name in SHIFTS or value == 0.0:
+        return value * reading.units.metres
+    scenes = (each.GetAttribute(ANGLE) for each in reading.stage.Traverse() if each.GetTypeName() == "PhysicsScene")
+    radians = any(a and str(a.Get(reading.start)) == "radian" for a in scenes)
+    return value if radians else value * DEGREE
 
 
 def _gains(units: Units, name: str, values: dict[str, float]) -> tuple[float, float]:

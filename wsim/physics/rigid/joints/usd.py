@@ -14,7 +14,7 @@ from wsim.geometry import rotation
 from wsim.physics.rigid.joints.authored import faults
 from wsim.physics.rigid.joints.joint import AXES, DISTANCE, LOCKED, SHIFTS, TURNS, Drive, Joint, all_locked
 from wsim.physics.rigid.joints.moving import body_of, holds_a_frame
-from wsim.physics.rigid.joints.stacked import merge_joints, passive_drives, stacked_joints
+from wsim.physics.rigid.joints.stacked import REFERENCE, merge_joints, mujoco_place, passive_drives, stacked_joints
 from wsim.scene.curve import Motion
 from wsim.usd.load_varying import vary
 from wsim.usd.stage import Reading, Units, applied
@@ -165,7 +165,8 @@ def _table(reading: Reading, prim: Usd.Prim, kind: str):
     elif kind in KINDS:
         name = KINDS[kind][0]
         own = _range(units, name, *(prim.GetAttribute(f"physics:{side}Limit").Get(start) for side in ("lower", "upper")))
-        limits = all_locked(name) | ({} if own == (-inf, inf) else {name: own})
+        zero = mujoco_place(reading, prim, name, REFERENCE)
+        limits = all_locked(name) | ({} if own == (-inf, inf) else {name: (own[0] - zero, own[1] - zero)})
     elif kind == "PhysicsSphericalJoint":
         limits = all_locked(*TURNS)
         angles = [prim.GetAttribute(f"physics:coneAngle{k}Limit").Get(start) for k in (0, 1)]

@@ -4,7 +4,9 @@
               Groups of one `merge` are one group. What is in no group touches all.
     pairs     what a prim names, and all that is below it, does not touch what is at or below that prim; groups count as their
               members, and bodies as themselves, without the bodies within them
-    joints    the bodies of a joint do not touch each other, unless it says so (`Joint.collides`)
+    joints    the bodies of a joint do not touch each other, unless it says so (`Joint.collides`). Of a joint between a body and
+              a prim that is none, the body does not touch colliders at or below that prim; a prim that holds the body itself
+              stands for the world, and all touches
 """
 
 from collections.abc import Iterator
@@ -37,7 +39,7 @@ class Group(Compared):
 
 
 @dataclass(eq=False)
-class Parted(Compared):
+class FilteredPairs(Compared):
     """A body, collider or group that does not touch others (USD: PhysicsFilteredPairsAPI).
 
     path       its prim path
@@ -50,9 +52,9 @@ class Parted(Compared):
     others: list[str] = field(default_factory=list)
 
 
-def check(thing: Group | Parted, scene: Scene) -> Iterator[Problem]:
+def check(thing: Group | FilteredPairs, scene: Scene) -> Iterator[Problem]:
     known = {*_paths(scene), *(group.path for group in scene.things("Group"))}
-    if isinstance(thing, Parted):
+    if isinstance(thing, FilteredPairs):
         lost = [p for p in thing.others if not any(k == p or k.startswith(p + "/") for k in known)]
         if lost:
             yield warning(thing.path, f"is filtered from {', '.join(lost)}, where nothing collides",
@@ -150,10 +152,12 @@ def _pairs(scene: Scene, shapes: list[tuple[str, int]], frames: list[str]) -> It
 
     def below(path: str) -> list[int]:
         return [k for each in members.get(path, [path]) for k in body.get(each, at.get(each, []))]
-    wanted = [(below(p.path), below(other)) for p in scene.things("Parted") for other in p.others]
+    wanted = [(below(p.path), below(other)) for p in scene.things("FilteredPairs") for other in p.others]
     for joint in scene.things("Joint"):
         if joint.enabled and not joint.collides:
-            sides = [body.get(b, []) if b else below(joint.still) if joint.still else [] for b in (joint.body0, joint.body1)]
+            fixed = [] if at_or_below(joint.body0 or joint.body1, joint.still) else \
+                [k for k in below(joint.still) if not frames[k]]
+            sides = [body.get(b, []) if b else fixed for b in (joint.body0, joint.body1)]
             wanted.append((sides[0], sides[1]))
     for one, other in wanted:
         yield from ((i, j) for i in one for j in other if shapes[i][1] == shapes[j][1] or -1 in (shapes[i][1], shapes[j][1]))

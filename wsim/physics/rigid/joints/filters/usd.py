@@ -1,8 +1,8 @@
-"""Prims of type PhysicsCollisionGroup <-> `Group`, and PhysicsFilteredPairsAPI of any prim <-> `Parted`."""
+"""Prims of type PhysicsCollisionGroup <-> `Group`, and PhysicsFilteredPairsAPI of any prim <-> `FilteredPairs`."""
 
 from pxr import Sdf, Usd, UsdPhysics
 
-from wsim.physics.rigid.joints.filters.groups import Group, Parted
+from wsim.physics.rigid.joints.filters.groups import FilteredPairs, Group
 from wsim.physics.rigid.joints.moving import simulated
 from wsim.usd import names
 from wsim.usd.stage import Reading, Units, applied
@@ -29,18 +29,18 @@ def load_group(reading: Reading, prim: Usd.Prim) -> Group | None:
                  bool(group.GetInvertFilteredGroupsAttr().Get(reading.start)))
 
 
-def load_pairs(reading: Reading, prim: Usd.Prim) -> Parted | None:
+def load_pairs(reading: Reading, prim: Usd.Prim) -> FilteredPairs | None:
     targets = prim.GetRelationship(names.FILTERED).GetTargets()
     if not targets:
         return None
     if not used(reading):
         reading.warn(prim.GetPath(), f"{names.FILTERED} is not used yet: every collider acts on every body")
         return None
-    return Parted(str(prim.GetPath()), [str(p) for p in targets])
+    return FilteredPairs(str(prim.GetPath()), [str(p) for p in targets])
 
 
-def author(stage: Usd.Stage, thing: Group | Parted, units: Units) -> None:
-    if isinstance(thing, Parted):
+def author(stage: Usd.Stage, thing: Group | FilteredPairs, units: Units) -> None:
+    if isinstance(thing, FilteredPairs):
         prim = stage.GetPrimAtPath(thing.path) or stage.DefinePrim(thing.path, "Scope")
         api = UsdPhysics.FilteredPairsAPI.Apply(prim)
         api.CreateFilteredPairsRel().SetTargets([Sdf.Path(p) for p in thing.others])
