@@ -137,9 +137,19 @@ def test_a_report_tells_errors_apart_from_energies_and_what_the_scene_lacks_when
     told = report.text({**REPORT, "error": {**REPORT["error"], **energies}}).splitlines()
     (error,) = (line for line in told if line.startswith("error"))
     (energy,) = (line for line in told if line.startswith("energy"))
-    assert error == "error     max strain 1.23 %, penetration 1e-05 m, residual 0.2"
+    assert error == "error     penetration 1e-05 m, residual 0.2" and "figures   max strain 1.23 %" in told
     assert energy == "energy    kinetic 1.5 J, gravity -2 J, total -0.5 J"
     assert "count     contacts 3" in told and not [line for line in told if "left out" in line or "a substep" in line]
+
+
+@pytest.mark.parametrize("what, said, line", [
+    ({"points": 0, "sizes": {"grid": 9}}, False, "fluid speed 2.5 m/s, fluid iterations 4, fluid smoke 0.5 m^3"),
+    ({"points": 0, "sizes": {"bodies": 2}}, True, "10 substeps, 1 iteration"), ({}, True, "10 substeps, 1 iteration, bdf2")])
+def test_a_report_speaks_of_steps_of_what_there_is(what, said, line):
+    """Fluids have steps of their own, rigid bodies one integrator."""
+    found = {"fluid_speed": 2.5, "fluid_iterations": 4.0, "fluid_smoke": 0.5} if not said else {}
+    told = report.text({**REPORT, "iterations": 1, "error": found, **what})
+    assert ("substeps" in told) == said and f"{line}\n" in told
 
 
 def test_a_report_with_less_is_shorter_but_whole():

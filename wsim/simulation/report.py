@@ -3,9 +3,13 @@
 
 from wsim.simulation.duration import percent
 
-UNITS = {"penetration": "m", "too_near": "m"}
-NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point"}     # rows of parts of the state, one of them
-PLAIN = ("speed", "smoke", "temperature", "iterations", "steps", "particles", "volume")      # ends of names of what is no error
+UNITS = {"penetration": "m", "too_near": "m", "overlap": "m", "joint_error": "m", "angle_error": "rad", "divergence": "1/s",
+         "speed": "m/s", "smoke": "m^3", "volume": "m^3", "temperature": "K"}          # by the end of a name
+# one of what a number counts, by its name in a report
+NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point",
+         "substeps": "substep", "iterations": "iteration"}
+WHOLE = ("iterations", "steps", "particles", "asleep", "broken", "in_turn", "searches", "projected", "cut")   # they count
+PLAIN = (*WHOLE, "speed", "smoke", "temperature", "volume", "strain")                # ends of names of what is no error
 APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
 ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "report", "total")
 
@@ -46,8 +50,10 @@ def _what(report: dict) -> list[str]:
     what += [f"{drops:.0f} particles of liquid"] if drops else []
     lines = [f"{report['frames']} frames{' of ' * bool(what)}{', '.join(what)} on {device}"
              f"{f' ({name})' if name and name.lower() != device else ''}, {report['precision']}"]
-    if "substeps" in report:
-        lines.append(f"  {report['substeps']} substeps, {report['iterations']} iterations, {report['integrator']}")
+    fluid = not points and (drops or sizes) and not sizes.keys() - {"grid"}               # it has steps of its own
+    if "substeps" in report and not fluid:
+        each = [counted(report[key], key) for key in ("substeps", "iterations")] + [report["integrator"]] * bool(points)
+        lines.append(f"  {', '.join(each)}")
     lines += [f"  {report['raised']}"] if report.get("raised") else []
     return lines + [f"  {what:<9}{report[what]}" for what in ("output", "partial", "picture") if report.get(what)]
 
@@ -106,8 +112,10 @@ def _value(name: str, value, unit: str | None = None) -> str:
     label = ("total" if name == "energy" else name).replace("_", " ")
     if name.endswith("strain"):
         return f"{label} {100 * value:.3g} %"
-    return f"{label} {value:.3g} {UNITS.get(name, '') if unit is None else unit}".rstrip() if isinstance(value, float) \
-        else f"{label} {value}"
+    if not isinstance(value, float) or name.endswith(WHOLE):
+        return f"{label} {value:.0f}" if isinstance(value, float) else f"{label} {value}"
+    unit = next((u for end, u in UNITS.items() if name.endswith(end)), "") if unit is None else unit
+    return f"{label} {value:.3g} {unit}".rstrip()
 
 
 def _rows(title: str, parts: list[str]) -> list[str]:
