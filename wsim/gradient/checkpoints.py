@@ -1,10 +1,12 @@
 """What a recording keeps at a time, and whether there is memory for it.
 
-    bytes(L) = L each + over + ceil(N / L) point + fixed        of segments of L substeps, N = frames x substeps
-    least where L = sqrt(N point / each)                        (Griewank, Walther 2000)
+    bytes(L) = L each + max(L, S) launches + over + ceil(N / L) point + fixed     of segments of L substeps, N = frames x S
+    least where L = sqrt(N point / each), each + launches for each where L > S    (Griewank, Walther 2000)
 
 each    versions of a substep and their gradients               point    arrays with which a segment begins
 over    of a segment, whatever its length                       fixed    positions and velocities after every frame
+launches     of a substep and of its adjoint, on tapes and in graphs of a CPU: segments within a frame have their own, and
+             `copies` of those that begin and end one
 
 A frame is measured before it is recorded; where that would not fit, its first substep.
 """
@@ -21,6 +23,7 @@ from wsim.simulation.measure.memory import free, size
 
 FULL = 1 << 30         # bytes up to which everything is kept, or so much of what is free on a GPU: segments run twice
 PART = 0.25
+LAUNCH = 6.5e3         # [B] that a CPU keeps of a launch, on the tape and in the graph: 2.3e3 to 8.8e3 in seven scenes
 
 
 @dataclass
@@ -36,6 +39,8 @@ class Segments:
     room: float            # bytes that are free
     where: str
     solves: int = 1        # substeps of a step: of sdirk3 two
+    launches: float = 0.0
+    copies: float = 0.0
 
     @property
     def total(self) -> int:
@@ -43,26 +48,31 @@ class Segments:
 
     def bytes(self, length: int) -> int:
         """Bytes of checkpoints and segments of so many substeps."""
-        return int(length * self.each + self.over) + ceil(self.total / length) * self.point + self.fixed
+        launches = max(length, self.substeps) * self.launches + max(ceil(self.substeps / length) - 1, 0) * self.copies
+        return int(length * self.each + launches + self.over) + ceil(self.total / length) * self.point + self.fixed
 
     @property
     def full(self) -> int:
         """Bytes of keeping everything."""
-        return int(self.total * self.each) + self.fixed
+        return int(self.total * (self.each + self.launches)) + self.fixed
 
     @property
     def best(self) -> int:
         """Substeps of a segment with which least is kept: a part of a frame, or several frames."""
-        parts = sqrt(self.substeps * self.each / (self.frames * max(self.point, 1)))
-        if parts >= 1.0:
-            return ceil(self.substeps / round(parts))
-        return min(self.frames, round(1.0 / parts)) * self.substeps
+        per = self.frames * max(self.point, 1) / self.substeps
+        if self.each >= per:
+            return ceil(self.substeps / round(sqrt(self.each / per)))
+        return min(self.frames, max(round(sqrt(per / (self.each + self.launches))), 1)) * self.substeps
 
     def longest(self) -> int:
         """Substeps of the longest segment that fits; 0: none does."""
+        def root(each: float, free: float) -> int:
+            square = free * free - 4.0 * each * self.total * self.point
+            return int((free + sqrt(square)) / (2.0 * each)) if free > 0.0 and square >= 0.0 else 0
         free = self.room - self.fixed - self.over
-        square = free * free - 4.0 * self.each * self.total * self.point
-        found = int((free + sqrt(square)) / (2.0 * self.each)) if free > 0.0 and square >= 0.0 else 0
+        found = root(self.each + self.launches, free)
+        if found < self.substeps:
+            found = min(root(self.each, free - self.substeps * self.launches), self.substeps)
         while found and self.bytes(found) > self.room:            # the number of checkpoints is a whole one
             found -= 1
         return min(found, self.total)
@@ -108,11 +118,13 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
     sim, slots, S, F = recording.sim, recording.slots, recording.plan.clock.substeps, recording.frames
     room, real = free(sim.device), wp.types.type_size_in_bytes(sim.model.real)
     recording.plan.before_frame(sim.time)
-    one, entries = 0, {}
+    one, entries, launches = 0, {}, []
 
     def record(first: int, last: int) -> int:
         slots.drop()
-        entries.update((id(root), root.base.capacity) for root, _ in recording.record(first, last).entries)
+        tape = recording.record(first, last)
+        entries.update((id(root), root.base.capacity) for root, _ in tape.entries)
+        launches.append(launched(tape, sim.device))
         return slots.bytes
     for first in (*{0, S - 1}, 0):               # again: what is read before it is written is known from then on
         begin = record(first, first + 1)
@@ -122,9 +134,15 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
     each = whole / last if last == S else float(whole - begin)
     scalars = tuple(n * each / whole for n in slots.used)
     slots.drop()
+    copies = max((last * launches[-2] - launches[-1]) / (last - 1), 0.0) if last > 1 else 0.0
     fixed = 6 * (F + 1) * sim.model.points * real + (recording.fluids.bytes(F) if recording.fluids else 0)
     return Segments(F, S, each, max(one - each, 0.0), sum(entries.values()), fixed, room, str(sim.device),
-                    recording.plan.clock.integrator.solves), scalars
+                    recording.plan.clock.integrator.solves, launches[-1] / max(last, 1), copies), scalars
+
+
+def launched(tape, device) -> float:
+    """Bytes that a CPU keeps of the launches of a `wsim.model.tape.Tape`, forward and backward."""
+    return 0.0 if device.is_cuda else LAUNCH * (len(tape.steps) + len(tape.adjoints))
 
 
 @contextmanager

@@ -13,7 +13,7 @@ import warp as wp
 
 from wsim.gradient.amplification import Growth
 from wsim.gradient.apart import apart
-from wsim.gradient.checkpoints import Segments, in_words, measured
+from wsim.gradient.checkpoints import Segments, in_words, launched, measured
 from wsim.gradient.gradient import Fetched, Gradient
 from wsim.gradient.loss import Seeds
 from wsim.gradient.tables import Parameters
@@ -160,8 +160,9 @@ class Recording(Frames):
 
     @property
     def bytes(self) -> int:
-        """Device memory of versions, their gradients and checkpoints."""
-        return self.slots.bytes + sum(a.capacity for arrays in self.saved for a in arrays)
+        """Device memory of versions, their gradients and checkpoints; of a CPU also of launches."""
+        launches = sum(launched(stretch.tape, self.sim.device) for stretch in self.stretches.values())
+        return self.slots.bytes + sum(a.capacity for arrays in self.saved for a in arrays) + int(launches)
 
     # forward
 

@@ -192,6 +192,7 @@ def capture(device) -> Iterator[Any]:
     with GATE.alone(), wp.ScopedCapture(device=device, force_module_load=False) as capture:
         recorded.lighten()
         yield capture
+        recorded.end_capture()
 
 
 def _again(module, device, block_dim: int | None) -> None:

@@ -10,6 +10,8 @@ hold the pointers already. Here a launch is recorded as those bytes, with no poi
     form      what is the same for all launches of a kernel: names, and where each argument begins
     packs     what arguments were packed into, by array or number: looked up, where Warp looks at types and devices anew
     known     kernels that were launched before in this capture, which `launch` does not look up again
+    regions   Warp copies what stood in an array that the capture copies or clears, with all of the allocation it is a part of:
+              a graph kept those bytes as well. Here a region is the array alone, and its copy is dropped (`end_capture`)
 
 Where Warp has other structs, arguments or functions than those known here, it records as ever.
 """
@@ -39,7 +41,8 @@ def lean() -> type | None:
         known = (tuple(field[0] for field in types.APICLaunchInfo._fields_) == INFO
                  and tuple(field[0] for field in types.APICLaunchParamRecord._fields_) == PARAMETER
                  and tuple(inspect.signature(capture.APICapture.build_launch_info).parameters) == ARGUMENTS
-                 and all(hasattr(context, name) for name in CALLED))
+                 and all(hasattr(context, name) for name in CALLED)
+                 and tuple(inspect.signature(capture.APICapture._find_base).parameters) == ("self", "arr"))
     except (ImportError, AttributeError, ValueError):
         return None
     return type("Lean", (Lean, capture.APICapture), {"types": types}) if known else None
@@ -55,6 +58,19 @@ def lighten() -> None:
         capture.packs = {}
 
 
+def end_capture() -> None:
+    """Leaves what a replay needs of the capture of a CPU that is about to end: copies of arrays, which only a graph that is
+    saved to a file needs, and what was looked up are freed."""
+    capture: Any = getattr(getattr(context, "runtime", None), "_apic_capture", None)
+    if isinstance(capture, Lean):
+        core, state, mark = capture.runtime.core, capture.apic_state, ctypes.c_uint8()
+        last = core.wp_apic_register_memory_region_by_ptr(state, ctypes.addressof(mark), 1, 1)     # numbers go up by one
+        for region in range(1, last + 1):
+            core.wp_apic_register_memory_region(state, region, 0, 1, None)
+        capture.kept = [*capture.kept.values(), *(values for values, _ in capture.structs.values())]
+        capture.forms, capture.known, capture.bounds, capture.packs, capture.structs = {}, {}, {}, {}, {}
+
+
 def launch(kernel, dim: int | tuple[int, ...], inputs: list, outputs: list, device=None, **how) -> None:
     """Launches a kernel as `wp.launch`. In a capture of a CPU it is recorded without a look where it was launched before."""
     capture = getattr(getattr(context, "runtime", None), "_apic_capture", None)
@@ -68,12 +84,17 @@ class Lean:
     device: Any
     runtime: Any
     types: Any                               # module of structs
-    kept: dict[int, Any]                     # arrays that must outlive the graph, by address
+    kept: Any                                # arrays that must outlive the graph, by address; a list from its end on
     structs: dict[tuple, tuple]              # as well: (values, those that are structs) of each, by addresses of values
     forms: dict[tuple, tuple]
     packs: dict[tuple, Any]                  # what arguments have had, by argument and address, or number
     known: dict[tuple, tuple]                # (executable, hooks, function) of a kernel, and whether of its adjoint
     bounds: dict[tuple, Any]                 # of launches, by threads and dimensions
+    apic_state: Any                          # what Warp's library has of the capture
+
+    def _find_base(self, arr) -> tuple:
+        """As of Warp, for an array that is no part of another: (array, address, bytes, 0)."""
+        return arr, arr.ptr, arr.capacity, 0
 
     def build_launch_info(self, kernel, module_exec, hooks, params, fwd_args, adjoint, adj_args=None):
         """As of Warp: what its library is to append to the graph, which it copies at once."""
