@@ -64,7 +64,7 @@ def process(command: list[str]) -> tuple[str, float, int]:
     with tempfile.TemporaryDirectory() as cache:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run([sys.executable, *command], cwd=ROOT, check=True, capture_output=True, text=True,
-                              env=os.environ | {"WARP_CACHE_PATH": cache, "PYTHONPATH": str(ROOT)})
+                              env=os.environ | {"WARP_CACHE_PATH": cache})
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         return done.stdout, spent, len(list(Path(cache).rglob("*.cpp")))

@@ -104,7 +104,7 @@ def measured(scene: str, switch: str, options, cores: set[int] | None) -> dict:
     """Cold and warm first frame of a scene without a rewriting ("": with all), in processes of their own."""
     row: dict = {"scene": scene, "without": switch}
     with tempfile.TemporaryDirectory() as cache:
-        more = {"WARP_CACHE_PATH": cache, "PYTHONPATH": str(ROOT), "WSIM_PLAIN_WARP": str(int(switch == "plain"))}
+        more = {"WARP_CACHE_PATH": cache, "WSIM_PLAIN_WARP": str(int(switch == "plain"))}
         bound = ["taskset", "-c", ",".join(map(str, sorted(cores)))] if cores else []
         for stage, frames in (("cold", 0), ("warm", options.frames)):
             done = subprocess.run([*bound, sys.executable, "-m", "tools.bench.choice.rewriting", "--child", scene, switch,
