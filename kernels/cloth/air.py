@@ -13,9 +13,17 @@ K enters by one Newton step of the implicit equation, so that strong wind on lig
 dv = g w F / (1 + g w K). So the normal drag alone gives v' = v / (1 + g c / m) + g f: a rate of decay that errs by g c / 2 m of
 itself, a terminal velocity by g c / m. What is at rest stays so, since u is 0 there: what holds it up has yet to come. Explicit
 steps have gravity and elastic forces in u, and contacts have yet to come: there air carries h c / m of what lies on a collider.
+
+Leapfrog takes its forces where v = 2 v' - q + c / 2: v' = v + h a / 2 is that of the half step that follows, q = v' + h a / 2
+what damping sees, c what the air and contacts changed in the substep before. So r and u are of order 2, and
+
+    dv = kick w F / (1 + (h w K)^2)
+
+but at pins that move: their velocity is that of the half step, an error of order 1 (1e-5 of a 50 cm sheet that a pin swings).
 """
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
@@ -42,6 +50,46 @@ def air(real):
 
 
 @cache
+def halves(real):
+    """Struct of what leapfrog knows between its half steps, as a launch reads it: see kernels/motion/explicit.py."""
+    t = types(real)
+
+    @wp.struct
+    class Half:
+        x: wp.array(dtype=t.vec3)            # [m], (points,)
+        v: wp.array(dtype=t.vec3)            # of the half step that follows, but for what others change in it [m/s], (points,)
+        pair: wp.array(dtype=t.vec3)         # q in rows (2 + at) n
+        change: wp.array(dtype=t.vec3)       # c [m/s], (points,)
+        at: int
+        known: real                          # 1: c is of the substep before, 0: of no substep of this frame
+        h: real                              # substep [s]
+        kick: real                           # [s]
+
+    return Half
+
+
+@wp.func
+def press_triangle(air: Any, o: int, area2: Any, r: Any, fallen: Any):
+    """Force on each corner [N] and K [kg/s] of a triangle of twice the area times the normal area2 [m^2]."""
+    size = wp.length(area2)
+    zero = size - size
+    half = type(size)(0.5)
+    f = area2 - area2
+    k = zero
+    if size > zero:
+        n = area2 / size
+        rn = wp.dot(r, n)
+        k = half * size * air.drag[o] * wp.abs(rn)
+        c_n = half * size * air.normal_drag[o]
+        f = -k * r - (c_n * (rn - wp.dot(fallen, n))) * n
+        k = type(size)(2.0) * k + c_n
+        r2 = wp.dot(r, r)
+        if r2 > zero:
+            f -= (half * size * air.lift[o] * rn * wp.sqrt(r2)) * (n - (rn / r2) * r)
+    return f, k
+
+
+@cache
 def press(real, module):
     """Kernel: force on each corner of a triangle [N] and K, its derivative by r [kg/s]."""
     t, Air = types(real), air(real)
@@ -53,25 +101,11 @@ def press(real, module):
         p = triangle[c]
         o = air.object[p[0]]
         x0 = x[p[0]]
-        area2 = wp.cross(x[p[1]] - x0, x[p[2]] - x0)          # 2 A n
         moved = (d[p[0]] - a[p[0]]) + (d[p[1]] - a[p[1]]) + (d[p[2]] - a[p[2]])
-        r = moved / (real(3.0) * g) - air.wind[o]
-        size = wp.length(area2)
-        f = t.vec3()
-        k = real(0.0)
-        if size > real(0.0):
-            n = area2 / size
-            rn = wp.dot(r, n)
-            k = real(0.5) * size * air.drag[o] * wp.abs(rn)
-            c_n = real(0.5) * size * air.normal_drag[o]
-            fallen = t.vec3()
-            for j in range(3):
-                fallen += wp.where(air.w[p[j]] > real(0.0), air.fall * g / real(3.0), real(0.0)) * air.gravity[air.object[p[j]]]
-            f = -k * r - (c_n * (rn - wp.dot(fallen, n))) * n
-            k = real(2.0) * k + c_n
-            r2 = wp.dot(r, r)
-            if r2 > real(0.0):
-                f -= (real(0.5) * size * air.lift[o] * rn * wp.sqrt(r2)) * (n - (rn / r2) * r)
+        fallen = t.vec3()
+        for j in range(3):
+            fallen += wp.where(air.w[p[j]] > real(0.0), air.fall * g / real(3.0), real(0.0)) * air.gravity[air.object[p[j]]]
+        f, k = press_triangle(air, o, wp.cross(x[p[1]] - x0, x[p[2]] - x0), moved / (real(3.0) * g) - air.wind[o], fallen)
         force_out[c] = f
         k_out[c] = k
 
@@ -79,29 +113,83 @@ def press(real, module):
 
 
 @cache
-def blow(real, module):
-    """Kernel: each point gathers its triangles' forces into its predicted displacement."""
-    t = types(real)
+def press_leap(real, module):
+    """Kernel: as `press`, of leapfrog."""
+    t, Air, Half = types(real), air(real), halves(real)
 
     @wp.func
-    def gather(first: wp.array(dtype=int), item: wp.array(dtype=int), force: wp.array(dtype=t.vec3),
-               k: wp.array(dtype=t.scalar), i: int):
-        f = t.vec3()                      # by themselves: Warp's adjoint of a loop does not stand a product with its sums
-        drag = real(0.0)
-        for j in range(first[i], first[i + 1]):
-            f += force[item[j]]
-            drag += k[item[j]]
-        return f, drag
+    def speed(s: Half, i: int):
+        return real(2.0) * s.v[i] - s.pair[(2 + s.at) * s.x.shape[0] + i] + (real(0.5) * s.known) * s.change[i]
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
-    def blow(first: wp.array(dtype=int), item: wp.array(dtype=int), force: wp.array(dtype=t.vec3),
-             k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar), d: wp.array(dtype=t.vec3), g: real,
-             d_out: wp.array(dtype=t.vec3)):
+    def press_leap(triangle: wp.array(dtype=wp.vec3i), air: Air, s: Half, force_out: wp.array(dtype=t.vec3),
+                   k_out: wp.array(dtype=t.scalar)):
+        c = wp.tid()
+        p = triangle[c]
+        o = air.object[p[0]]
+        x0 = s.x[p[0]]
+        r = (speed(s, p[0]) + speed(s, p[1]) + speed(s, p[2])) / real(3.0) - air.wind[o]
+        f, k = press_triangle(air, o, wp.cross(s.x[p[1]] - x0, s.x[p[2]] - x0), r, t.vec3())
+        force_out[c] = f
+        k_out[c] = k
+
+    return press_leap
+
+
+@cache
+def gatherer(real):
+    """Struct of the triangles of each point, and function: their forces and K at point i."""
+    t = types(real)
+
+    @wp.struct
+    class Corners:
+        first: wp.array(dtype=int)           # item[first[i]:first[i + 1]] of point i, (points + 1,)
+        item: wp.array(dtype=int)            # triangles
+
+    @wp.func
+    def gather(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), i: int):
+        f = t.vec3()                      # by themselves: Warp's adjoint of a loop does not stand a product with its sums
+        drag = real(0.0)
+        for j in range(corners.first[i], corners.first[i + 1]):
+            f += force[corners.item[j]]
+            drag += k[corners.item[j]]
+        return f, drag
+
+    return Corners, gather
+
+
+@cache
+def blow(real, module):
+    """Kernel: each point gathers its triangles' forces into its predicted displacement."""
+    t, (Corners, gather) = types(real), gatherer(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def blow(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar),
+             d: wp.array(dtype=t.vec3), g: real, d_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
-        f, drag = gather(first, item, force, k, i)
+        f, drag = gather(corners, force, k, i)
         d_out[i] = d[i] + (g * g * w[i] / (real(1.0) + g * w[i] * drag)) * f
 
     return blow
+
+
+@cache
+def blow_leap(real, module):
+    """Kernel: as `blow`, of leapfrog: half of dv, too, is in what damping sees."""
+    t, Half, (Corners, gather) = types(real), halves(real), gatherer(real)
+
+    @wp.kernel(module=module, enable_backward=differentiable(module))
+    def blow_leap(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar),
+                  d: wp.array(dtype=t.vec3), s: Half, d_out: wp.array(dtype=t.vec3), pair_out: wp.array(dtype=t.vec3)):
+        i = wp.tid()
+        rate = (2 + s.at) * d.shape[0] + i
+        f, drag = gather(corners, force, k, i)
+        z = s.h * w[i] * drag
+        dv = (s.kick * w[i] / (real(1.0) + z * z)) * f
+        d_out[i] = d[i] + s.h * dv
+        pair_out[rate] = s.pair[rate] + real(0.5) * dv
+
+    return blow_leap
 
 
 @cache

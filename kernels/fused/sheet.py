@@ -9,7 +9,7 @@ other domains, three rings of them (for tets one): blocks send each other these,
 at a bar the threads of a block wait for each other, at the last for neighbours. Elements at the edge of a domain are computed
 by two blocks or more, alike. A point's forces are gathered by LANES threads in a fixed order, so the bits are the same every
 time; they differ from launch by launch by rounding. Kernels: march.py, motion: own.py. Air is taken at the velocity that
-damping sees, not at that of the end of the substep. Tables: `wsim.physics.fused.domains`.
+damping sees. Tables: `wsim.physics.fused.domains`.
 """
 
 import re
@@ -177,8 +177,8 @@ FORCES = """
         }
     }
     SUM_LANES
-    if (AIR) {                                                  // one Newton step of drag, which cannot overshoot then
-        const float part = 1.f / (1.f + kick * own.w * damp);
+    if (AIR) {                                                  // as kernels/cloth/air.py: drag cannot overshoot
+        const float z = kick * own.w * damp, part = 1.f / (1.f + z * z);
         for (int k = 0; k < 3; ++k) f[k] = fmaf(part, blow[k], f[k]);
     }
     for (int k = 0; k < 3; ++k) own.a[k] = own.w * f[k] + own.gravity[k] - own.decay * own.q[k];

@@ -27,15 +27,16 @@ def wants(scene: Scene) -> str:
 
 
 def build(b: Build) -> Aero:
-    return Aero(b.model, b.state, b.methods.find("points"), "aero" in (b.methods.find("taken") or ()))
+    taken = "aero" in (b.methods.find("taken") or ())
+    return Aero(b.model, b.state, b.methods.find("points"), taken, b.methods.find("half step"))
 
 
 class Aero(Method):
     """Drag and lift on the triangles of every cloth that has some."""
 
-    def __init__(self, model: Model, state: State, points, taken: bool = False):
+    def __init__(self, model: Model, state: State, points, taken: bool = False, half_step=None):
         """points: the method that owns the tables of points and the anchor; taken: explicit steps know the air themselves, see
-        kernels/fused/sheet.py."""
+        kernels/fused/sheet.py; half_step: of explicit steps, what `halves` of kernels/cloth/air.py holds."""
         super().__init__("aero", by_world=True)
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
@@ -43,7 +44,8 @@ class Aero(Method):
         triangles = model.shared(np.concatenate([b.triangles for b in cloths]))
         starts, items = topology.incident(triangles, model.points)
         self.triangle = model.upload(triangles, wp.vec3i)
-        self.first, self.item = model.upload(starts.astype(np.int32), int), model.upload(items.astype(np.int32), int)
+        self.corners = filled(kernels.gatherer(real)[0], first=model.upload(starts.astype(np.int32), int),
+                              item=model.upload(items.astype(np.int32), int))
         c, fields = self.constants, dict[str, wp.array]()
         shares = {"drag": model.scene.air_density / 6.0, "lift": model.scene.air_density / 6.0, "normal_drag": 1.0 / 3.0}
         each = [b.count if model.by_point else 1 for b in model.bodies]        # rows, as of points
@@ -60,6 +62,9 @@ class Aero(Method):
         if taken:
             self.stages = list[Stage]()
             return
+        self.half_step = half_step if len(points.integrator.steps) == 2 else None
+        if self.half_step:
+            self.press_leap, self.blow_leap = kernels.press_leap(real, module), kernels.blow_leap(real, module)
         self.press, self.blow = kernels.press(real, module), kernels.blow(real, module)
         size = np.dtype(model.dtype).itemsize
         self.stages = [Stage("wind", "predict", self.launch, 2, len(triangles) * (12 + 22 * size)
@@ -70,10 +75,16 @@ class Aero(Method):
             others.find("gather").domains.meet(self.air)
 
     def launch(self, clock: Clock) -> None:
-        s, c = self.state, self.constants
-        self.model.launch(self.press, self.k.size, [self.triangle, self.air, s.x, self.points.anchor, s.d, clock.g],
-                          [self.force, self.k])
-        self.model.launch(self.blow, self.model.points, [self.first, self.item, self.force, self.k, c.w, s.d, clock.g], [s.d])
+        s, w, forces = self.state, self.constants.w, [self.force, self.k]
+        if not self.half_step:
+            self.model.launch(self.press, self.k.size, [self.triangle, self.air, s.x, self.points.anchor, s.d, clock.g], forces)
+            self.model.launch(self.blow, self.model.points, [self.corners, *forces, w, s.d, clock.g], [s.d])
+            return
+        (at, pair, change), first, h = self.half_step(), clock.k == 0, clock.h
+        half = filled(kernels.halves(self.model.real), x=s.x, v=s.v, pair=pair, change=change, at=at, known=float(not first),
+                      h=h, kick=0.5 * h if first and clock.halved else h)
+        self.model.launch(self.press_leap, self.k.size, [self.triangle, self.air, half], forces)
+        self.model.launch(self.blow_leap, self.model.points, [self.corners, *forces, w, s.d, half], [s.d, pair])
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """wind [m/s] over one cloth or, with path "/", over all."""

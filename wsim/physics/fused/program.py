@@ -19,7 +19,7 @@ import warp as wp
 from wsim.physics.fused.recorder import Op
 
 # kernels over points, by the names of their functions, whose threads touch of all that changes only what is their own
-OWN = {"correct", "project", "search", "blow", "copy_own", "stray", "feel_edges", "gather_edges", "push_work"}
+OWN = {"correct", "project", "search", "blow", "blow_leap", "copy_own", "stray", "feel_edges", "gather_edges", "push_work"}
 LARGE = (wp.uint64, wp.int64)            # numbers that are compared, not counted with
 
 

@@ -73,9 +73,9 @@ class Explicit(Method):
         self.watch = None if looks else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
         self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.pull.spring_tables,
-                       "forces": self.forces, "impacts": self.impacts, "earlier": lambda: self.earlier,
-                       "copies": lambda: (self.at, self.pair), "least": self.least, "send": self.send,
-                       "stride": lambda: self.stride, "whole frames": self.apart, "taken": self.taken,
+                       "forces": self.forces, "impacts": self.impacts, "earlier": lambda: self.earlier, "least": self.least,
+                       "copies": lambda: (self.at, self.pair), "send": self.send, "stride": lambda: self.stride,
+                       "half step": lambda: (self.at, self.pair, self.change), "whole frames": self.apart, "taken": self.taken,
                        **(self.watch.offers if self.watch else {})}
         if free:
             from wsim.physics.motion.one_launch import FreeFrames

@@ -1,9 +1,8 @@
 """RMS error [m] that each solver is predicted to leave after a fall through a body's size L, T = sqrt(2 L / g), before any is
 run: with steps h, tau = sqrt(L / g), omega the highest frequency of the scene,
 
-    leapfrog           LEAP g h^2, of what the wind moves LEAP (g + a) (1 + c T) h^2 (`aired`), DRAGGED c L h of a fabric's own
-                       drag c, and what float32 rounds; on colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L
-                       where slivers have more mass
+    leapfrog           LEAP g h^2, of what the air moves LEAP (g + a) (1 + c T) h^2 (`aired`), and what float32 rounds; on
+                       colliders HIT h sqrt(g L), met at some time of a step; SLIVERS L where slivers have more mass
     backward Euler     DRIFT h sqrt(g L) on what falls and swings, EULER on colliders
     XPBD               that of backward Euler, and what M sweeps over N springs in a row leave: `swept`
     BDF2, one Newton   SECOND g h^2 and TURNED (omega h)^2 h sqrt(g L): an edge that turns in a step strains by the square
@@ -38,8 +37,7 @@ FALL = 9.81            # [m/s^2] where a scene has no gravity: something else mo
 EULER = 4.0            # as DRIFT, of backward Euler on colliders: a soft cloth on a ball 1, a soft cube that falls on a floor
                        # 4; a stiff one, which it does not let rebound, and a cloth that wrinkles 13 to 20, whatever the step
 SLOWED = 2.0           # a square metre of cotton by two corners, tau 0.3 ms, h 0.5 ms: 2.5 times what is said without it
-DRAGGED = 0.5          # error over c L h of BDF2 in air that slows by c [1/s]: that cloth, 40 steps: below 0.6. Of leapfrog
-                       # 0.15, of a fabric's own drag (1 m of cotton and of silk by two corners at 0.5 s)
+DRAGGED = 0.5          # error over c L h of BDF2 in air that slows by c [1/s]: that cloth, 40 steps: below 0.6
 LEAP = 1.5             # nets and sheets of 16 to 40 points a side, 18 to 60 substeps of 1/24 s: 1.2 to 1.5
 ROUNDED = 1e-5         # error over L that float32 leaves: 2e-6 to 1e-5 where leapfrog's own is less
 SLIVERS = 2e-3         # error over L that mass at slivers adds: the shirt, hung, after three frames, beside what float32 leaves
@@ -114,7 +112,7 @@ def leapfrog(model: Model, bodies: list[Fall], h: float) -> float:
     hit = drift(bodies, h, HIT) if collides(model.scene) else 0.0
     own = max((LEAP * (b.g + a) * (1.0 + c * (2.0 * b.size / b.g)**0.5) * h * h
                for b, (a, c) in zip(bodies, aired(model), strict=True)), default=0.0)
-    return own + ROUNDED * size(model) + hit + slowed(model, bodies, h)
+    return own + ROUNDED * size(model) + hit
 
 
 def slowed(model: Model, bodies: list[Fall], h: float, more: float = 0.0) -> float:

@@ -7,8 +7,8 @@ springs k strain, of a sheet stretch strain + bend (pi / l)^2. Where the sum is 
 
 in air that takes the body with it at the rate c [1/s]. Leapfrog of steps h errs, over the size L, by the sum of
 
-    p       LEAP g h^2 / L + (c h / 2) w / L: the air's force is that of the last half step's speed, of order 1; w is the way
-            that the points have gone (RMS speed, summed). SLIVERS where slivers have more mass, and what float32 rounds
+    p       LEAP g h^2 / L + (c h)^2 w / L: w is the way that the points have gone (RMS speed, summed). SLIVERS where
+            slivers have more mass, and what float32 rounds
     hits    HIT h v / L once something touches a collider, v the largest RMS speed since the frame before: met at some time
             of a step
     edges   a sheet's points beside an edge of a box, or a rim, go to one side or the other of it, whatever the steps:
@@ -86,7 +86,7 @@ class Leapfrog(Growth):
     @property
     def steps(self) -> float:
         """Error p of its steps."""
-        return self.smooth + 0.5 * self.air * self.h * self.way
+        return self.smooth + (self.air * self.h)**2 * self.way
 
     @property
     def error(self) -> float:
