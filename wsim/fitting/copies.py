@@ -194,5 +194,7 @@ class Copies:
     def positions(self, path: str) -> np.ndarray:
         """World positions [m] of a body in every copy, (worlds, n, 3)."""
         state, bodies = self.sim.state, [b for b in self.sim.model.bodies if b.path == path]
+        if not bodies:                                       # rods
+            return np.stack([self.sim.positions(path, world) for world in range(self.worlds)])
         x = state.x.numpy().astype(np.float64) + state.e.numpy()
         return np.stack([x[b.index] + b.origin for b in bodies])

@@ -1,6 +1,6 @@
 """What was seen of a motion: points at frames, or scans that do not say which point is which.
 
-    Track    positions of points of a body, or of some of them, at frames; NaN: not seen
+    Track    positions of points of a body or of rods, or of some of them, at frames; NaN: not seen
     Pull     forces of a pin (`wsim.fitting.observations.reactions`)
     Markers  on a rigid body (`wsim.fitting.observations.markers`)
     Smoke    smoke or heat of a fluid (`wsim.fitting.observations.smoke`)
@@ -179,18 +179,27 @@ def closest(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
 
 # what is wrong
 
+def pointed(scene: Scene) -> list:
+    """Objects whose points are observed: cloth, springs, soft bodies, rods."""
+    return [*scene.bodies(), *scene.things("Rods")]
+
+
 def wrong(observations: list, scene: Scene) -> list[Problem]:
     """All that is wrong with observations of a scene."""
     problems = []
     if not observations:
         problems.append(Problem("observations", "there are none; give Track or Scan objects, or a USD file"))
     for o in observations:
+        rods = unseen(scene, isinstance(o, Scan))
         marked, smoke = hasattr(o, "local"), hasattr(o, "field")
-        noun, things = ("rigid body", scene.things("Body")) if marked else ("body", scene.bodies()) if o.unit == "m" else (
+        noun, things = ("rigid body", scene.things("Body")) if marked else ("body", pointed(scene)) if o.unit == "m" else (
             "pin", scene.pins)
         if smoke:
             noun, things = "fluid", scene.things("Fluid")
         thing = next((t for t in things if t.path == o.path), None)
+        if o.path in rods:
+            problems.append(Problem(o.path, rods[o.path]))
+            continue
         if thing is None:
             problems.append(Problem(o.path, f"is observed and is no {noun} of the scene; there are "
                                     f"{', '.join(t.path for t in things) or 'none'}"))
@@ -205,6 +214,14 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
             problems.append(Problem(o.path, f"is observed at frames {o.frames.min()} to {o.frames.max()}; allowed is 1 to "
                                     f"{scene.frames}, the scene's last (frame 0 is given)"))
     return problems
+
+
+def unseen(scene: Scene, scan: bool) -> dict[str, str]:
+    """What fits do not observe of rods, by path: scans, and the forces of their pins."""
+    found = {pin.path: f"is a pin of rods {each.path}, whose reaction force fits do not take; observe the rods' points (Track)"
+             for each in scene.things("Rods") for pin in each.pins}
+    return found | {each.path: "are rods, which have no surface to scan; give the points that were seen (Track)"
+                    for each in scene.things("Rods") if scan}
 
 
 def mixed(observations: list) -> list[Problem]:

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from wsim.fitting.observations.observe import Track
+from wsim.fitting.observations.observe import Track, pointed
 from wsim.fitting.observations.reactions import Pull
 from wsim.scene import Problem, Scene, SceneError
 
@@ -22,9 +22,9 @@ def read(path, scene: Scene, sigma: float | None = None, frames=None, bodies: li
     result, tracks = Result(os.fspath(path)), []
     sampled = result.paths()
     found, problems = pulls(result, scene, force, frames)
-    wanted = [b for b in scene.bodies() if (b.path in sampled if bodies is None else b.path in bodies)]
+    wanted = [b for b in pointed(scene) if (b.path in sampled if bodies is None else b.path in bodies)]
     if not (wanted or found or problems):
-        raise SceneError(Problem(result.path, f"has no samples of {', '.join(b.path for b in scene.bodies())}; it has samples "
+        raise SceneError(Problem(result.path, f"has no samples of {', '.join(b.path for b in pointed(scene))}; it has samples "
                                  f"of {', '.join(sampled) or 'nothing'}: observe a body of the scene, under its path"))
     for body in wanted:
         at = whole(result.time_codes(body.path), body.path, result, scene, frames)
