@@ -1,5 +1,5 @@
-"""A rollout as a layer of PyTorch and as a function of JAX. These packages are extras (`torch`, `jax`) and large: where they
-are not installed, these tests are skipped. What the wrappers call is tested by tests/gradient/test_products.py all the same."""
+"""A rollout as a layer of PyTorch. That package is an extra (`torch`) and large: where it is not installed, these tests are
+skipped. What the wrapper calls is tested by tests/gradient/test_products.py all the same."""
 
 import numpy as np
 import pytest
@@ -114,22 +114,6 @@ def test_wrong_tensors_and_second_derivatives_are_refused():
     first, = torch.autograd.grad(f(k)[0].pow(2).sum(), k, create_graph=True)
     with pytest.raises(RuntimeError, match="once_differentiable"):
         first.backward()
-
-
-def test_a_function_of_jax_has_the_same_gradient():
-    jax = pytest.importorskip("jax", reason="JAX is not installed: pip install -e .[jax]")
-    from wsim.gradient.rollout.jax import function
-    with jax.enable_x64(True):
-        f = layer(net(integrator="leapfrog"), ["/chain:stiffness", "gravity"], [2])
-        g = function(f.recording, ["/chain:stiffness", "gravity"], [2])
-        given = [torch.tensor(30.0, dtype=torch.float64), torch.tensor([0.0, -9.0, 1.0], dtype=torch.float64)]
-        for t in given:
-            t.requires_grad_()
-        x, v = f(*given)
-        (x.pow(2).sum() + 0.1 * v.pow(2).sum()).backward()
-        loss = jax.jit(jax.grad(lambda *p: (g(*p)[0] ** 2).sum() + 0.1 * (g(*p)[1] ** 2).sum(), (0, 1)))
-        for mine, other in zip(loss(30.0, np.array([0.0, -9.0, 1.0])), given, strict=True):
-            assert np.asarray(mine) == pytest.approx(other.grad.numpy(), rel=1e-12)
 
 
 def test_worlds_are_a_batch():

@@ -3,8 +3,10 @@
     f = function(recording, ["/World/Cloth:stretch"], frames=[24])
     jax.value_and_grad(lambda stretch: ((f(stretch)[0] - wanted) ** 2).sum())(stretch)
 
-Both passes are callbacks on the host, so that it may stand inside `jax.jit`; vmap, jvp and second derivatives it has none. The
-backward pass runs the recording forward once more: a recording holds one run, and JAX says not whose.
+Both passes are callbacks on the host, so that it may stand inside `jax.jit`. `jax.vmap` and `jax.jacrev` run their rows one
+after the other; worlds run together. It has no jvp and no second derivatives. The backward pass runs the recording forward
+once more: a recording holds one run, and JAX does not say whose. Callbacks run in threads of their own, so that float64 is
+asked for by `jax.config.update("jax_enable_x64", True)`, not by the context manager.
 """
 
 import jax
@@ -35,14 +37,15 @@ def function(recording: Recording, names, frames=None):
     @jax.custom_vjp
     def f(*given):
         shape = (*rollout.shape[:-4], *rollout.shape[-3:])
-        return jax.pure_callback(motion, (jax.ShapeDtypeStruct(shape, real),) * 2, *given)
+        return jax.pure_callback(motion, (jax.ShapeDtypeStruct(shape, real),) * 2, *given, vmap_method="sequential")
 
     def forward(*given):
         given = tuple(jnp.asarray(value) for value in given)
         return f(*given), given
 
     def backward(given, seeds):
-        return jax.pure_callback(products, tuple(jax.ShapeDtypeStruct(g.shape, g.dtype) for g in given), given, seeds)
+        return jax.pure_callback(products, tuple(jax.ShapeDtypeStruct(g.shape, g.dtype) for g in given), given, seeds,
+                                 vmap_method="sequential")
 
     f.defvjp(forward, backward)
     return f
