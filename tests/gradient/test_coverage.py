@@ -10,30 +10,25 @@ import numpy as np
 import pytest
 
 from tests.gradient.test_gradients import net, sheet
+from tests.gradient.test_value import flat, recording_of
 from tests.make.wheels import ROW
 from tests.make.wheels.objects import Wheel
 from tests.physics.animation.test_dressed import clothed
 from tests.physics.animation.test_gradients import UNFOLLOWED, changed
-from wsim import Box, Bulk, Fabric, Plane, Simulation, Sphere
+from wsim import Box, Plane, Simulation, Sphere
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
-from wsim.gradient.rollout.products import Rollout
 from wsim.physics.fluid.objects import Fluid
 from wsim.physics.rigid.joints.joint import Drive, revolute, spherical
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Pin, Scene, SceneError, Surface, Varying, methods, shapes
 from wsim.scene.curve import Curve, Motion
-from wsim.scene.nodal.loads import between
 from wsim.scene.values import table
 from wsim.scene.values.coverage import BY, COVERED, REFUSED, row_of, summary, text
 
 TESTS = Path(__file__).resolve().parent.parent
 PATHS = {"Cloth": "/cloth", "Springs": "/net", "Soft": "/bar", "Collider": "/floor", "Pin": "/pin", "Scene": "",
          "Body": "/thrown", "Joint": "/hinge"}
-PATHS_OF = {f"{owner}.{name}" for owner in ("Pin", "Collider") for name in ("keys", "tangents", "handles", "turns")}
-ONLY = {"Springs.rest_shape", *PATHS_OF,     # lengths say the same; curves and skeletons have tests of their own
-        "Skeleton.turns", "Skeleton.weights"}
-IDLE = ("static_friction",)                  # what slides does not know it
 
 
 @cache
@@ -63,92 +58,12 @@ def test_the_documents_are_made_of_the_rows():
     assert text() in (wsim.gradient.__doc__ or "") and all(covered.what.split()[-1] in text() for covered in COVERED)
 
 
-def everything() -> Scene:
-    """A cloth in the wind, a net with muscles and a bar that flows, that slide on a floor which throws them back."""
-    scene = Scene(fps=60.0, frames=2, substeps=60, solver="explicit", integrator="leapfrog", air_drag=0.4, wind=(1.0, 0.5, 2.0))
-    rng, points = np.random.default_rng(3), shapes.sheet(0.2, 0.2, 3, 3, horizontal=True)
-    cloth = scene.cloth("/cloth", points[0] + [0.0, 0.01, 0.0], *points[1:], drag=1.0, lift=0.5, velocities=speeds(rng, 16),
-                        material=Fabric(stretch=40.0, weft=25.0, shear=15.0, bend=1e-3, poisson=0.2, damping=1e-3,
-                                        density=150.0))
-    chain = np.array([[0.1 * k, 0.012 + 0.003 * (k % 2), 1.0] for k in range(5)])
-    scene.net("/net", chain, [[k, k + 1] for k in range(4)], [40.0], [0.01], damping=1e-3, lengths=[0.09, 0.1, 0.11, 0.1],
-              velocities=speeds(rng, 5), actuation=Curve([0.0, 0.05], np.array([[1.0], [1.1]])))
-    block, tets = shapes.block((0.2, 0.1, 0.1), (2, 1, 1))
-    scene.soft("/bar", block + [0.0, 0.06, -1.0], tets, pressure=300.0, velocities=speeds(rng, len(block), 3.0),
-               material=Bulk(2e4, 0.35, 1e3, damping=1e-3, yield_strain=0.01))
-    scene.collider("/floor", Plane(), motion=flat(), restitution=0.4, thickness=0.001, static_friction=0.4,
-                   dynamic_friction=0.3)
-    scene.collider("/dull", Sphere(0.1), at=(3.0, 0.2, 0.0))
-    scene.pin("/pin", "/net", [0])
-    scene.add(Body("/thrown", mass=1.0, center=np.zeros(3), inertia=np.ones(3)))
-    scene.force("/push", "/net", [3, 4], (0.02, -0.1, 0.03))
-    scene.traction("/drag", cloth, between(cloth, range(8)), (1.0, -2.0, 0.5))
-    return scene
-
-
-def swept() -> Scene:
-    """The same by XPBD, without what it has not."""
-    scene = replace(everything(), solver="xpbd", integrator="backward_euler", substeps=10, iterations=3, softs=[])
-    scene.cloths[0].material = replace(scene.cloths[0].material, strain_limit=0.01)
-    return scene
-
-
-SCENES = {"explicit": everything, "xpbd": swept}
-
-
-def speeds(rng, n: int, spin: float = 0.3) -> np.ndarray:
-    return np.array([0.6, -0.8, 0.3]) + spin * rng.normal(size=(n, 3))
-
-
-def flat() -> Motion:
-    """Up is +y."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
-    return Motion.still(matrix)
-
-
-def name_of(value) -> list[str]:
-    """Inputs of a row in that scene."""
-    if value.owner == "Load":
-        return [{"force": "/push:force", "traction": "/drag:traction"}[value.name]]
-    return [f"{PATHS[value.owner]}:{value.name}".removeprefix(":")]
-
-
-def values_of(solver: str) -> list:
-    """Rows that a solver covers, by what is in its scene."""
-    by = {name: covered.tests for covered in COVERED for name in covered.names()}
-    return [v for v in table.VALUES if v.gradient and solver in by[v.owner, v.name] and f"{v.owner}.{v.name}" not in ONLY]
-
-
 @cache
-def run(solver: str):
-    """A rollout of all that it covers, seeds, and what they are differentiated to."""
-    names = [name for value in values_of(solver) for name in name_of(value)]
-    f = Rollout(Recording(Simulation(SCENES[solver](), device="cpu", precision="float64", gradients=True), 2), names, [2])
-    s = np.random.default_rng(5).normal(size=f.run().shape)
-    s[..., 1, :, :, :] *= 0.01
-    return f, s, f.vjp(s)
-
-
-ROWS = [pytest.param(solver, v, id=f"{solver}-{v.owner}.{v.name}") for solver in SCENES for v in values_of(solver)]
-
-
-@pytest.mark.parametrize("solver, value", ROWS)
-def test_every_value_has_the_slope_of_differences(solver, value):
-    """Of order 4, by steps of a thousandth of what may change; losses have a few units of rounding."""
-    f, s, found = run(solver)
-    for name in name_of(value):
-        base = f.values()[name]
-        way = np.random.default_rng(8).normal(size=base.shape) if base.ndim else np.ones(())
-        step = 1e-3 * f.inputs[name].scale() / float(np.abs(way).max())
-        losses = {}
-        for k in (-2, -1, 1, 2):
-            losses[k] = float((f.run({name: base + k * step * way}) * s).sum())
-        f.run({name: base})
-        expected = (8.0 * (losses[1] - losses[-1]) - (losses[2] - losses[-2])) / (12.0 * step)
-        slope = float((found[name] * way).sum())
-        assert abs(expected) > 0.0 or value.name in IDLE
-        assert slope == pytest.approx(expected, rel=5e-8, abs=4e-15 * abs(losses[1]) / step)
+def everything() -> Recording:
+    """Of everything by explicit steps, after a run."""
+    recording = recording_of("explicit")
+    recording.run()
+    return recording
 
 
 def recordable(value) -> bool:
@@ -161,7 +76,7 @@ def recordable(value) -> bool:
                          ids=lambda v: f"{v.owner}.{v.name}")
 def test_a_value_without_a_derivative_is_refused_with_its_reason(value):
     path = PATHS[value.owner] or "/"
-    recording = pressed() if value.owner == "Joint" else run("explicit")[0].recording
+    recording = pressed() if value.owner == "Joint" else everything()
     with pytest.raises(SceneError) as said:
         inputs(recording, [f"{path}:{value.name}"])
     (problem,) = said.value.problems
@@ -300,7 +215,7 @@ CASES = {
     "lengths": ("/cloth", lambda: gradient(sheet("springs")).lengths()),
     "air": ("/cloth", lambda: gradient(sheet("springs")).air_coefficient("drag")),
     "wind": ("wind", lambda: inputs(recorded(net()), ["wind"])),
-    "restitution": ("/dull", lambda: run("explicit")[0].recording.backward({2: {"/net": np.ones((5, 3))}})
+    "restitution": ("/dull", lambda: everything().backward({2: {"/net": np.ones((5, 3))}})
                     .restitution("/dull")),
     "impulses": ("/ball", lambda: Simulation(resting(), device="cpu", gradients=True)),
     "held": ("/ball", lambda: Simulation(resting(joint=True), device="cpu", gradients=True)),
@@ -310,7 +225,7 @@ CASES = {
     "driven": ("/hinge", lambda: pressed().backward(twists={2: {"/thrown": np.ones((2, 3))}})),
     "features": ("/lower", lambda: flush().backward(twists={1: {"/upper": np.ones((2, 3))}})),
     "idle": ("air_drag", lambda: inputs(recorded(alone()), ["air_drag"])),
-    "surface": ("/floor", lambda: inputs(run("explicit")[0].recording, ["/floor:surface"])),
+    "surface": ("/floor", lambda: inputs(everything(), ["/floor:surface"])),
     "walls": ("/air", lambda: recorded(draped())),
     "forming": ("/ball", lambda: grown().value("/ball", "surface")),
     "layers": ("/air", lambda: recorded(layered())),

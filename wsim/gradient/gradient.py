@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from wsim.gradient.element_gradient import ElementGradient
+from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.loss import Seeds
 from wsim.gradient.tables import Parameters
 from wsim.physics.contact.gradient import ContactGradient
@@ -44,6 +45,7 @@ class Gradient(ElementGradient):
     def __init__(self, parameters: Parameters, states: dict[int, np.ndarray], targets: list, motions: list, seeds: Seeds):
         """seeds: the loss, after its first frame was reached."""
         self.parameters, self.model, self.plan = parameters, parameters.model, parameters.plan
+        self.recording = seeds.recording
         self.inertia = inertia = seeds.end()              # of what pins bear, where a loss asks for that
         self.states, self._targets, self.loads = states, targets, parameters.loads
         self.grads = Fetched({array.ptr: wp.clone(array.grad) for array in parameters.arrays()})
@@ -63,6 +65,9 @@ class Gradient(ElementGradient):
         row = row_of(self.model.scene, path, name)
         if row.owner == "Scene":
             return getattr(self, name)(world)
+        if row.gradient in ("path", "turns", "weights"):
+            own = inputs(self.recording, [f"{path}:{name}"])[f"{path}:{name}"]
+            return own.gradient(self, world, own.read(world).shape)
         if row.gradient == "body" or self.bodies and self.bodies.recorded.places(path, name, world):
             return self.bodies.value(path, name, world)
         if row.gradient == "surface" and not self.fluids:
@@ -129,6 +134,8 @@ class Gradient(ElementGradient):
 
     def air_drag(self, world: int = 0) -> float:
         """[s]."""
+        if self.parameters.points is None:
+            raise refuse("idle", "air_drag", name="air_drag")
         found = self.of(self.parameters.points.decay) + (self.inertia.decay if self.inertia else 0.0)
         return float(found[self.places(world)].sum())
 

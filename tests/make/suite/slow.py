@@ -41,8 +41,7 @@ SLOW = PHYSICS | {
             "/cloth:dynamic_friction-leapfrog", "/floor:dynamic_friction-xpbd", "/floor:thickness-leapfrog"],
         "test_products_and_verdicts_by_where_a_collider_is": ["leapfrog"]},
     "gradient/test_coverage.py": {
-        "test_what_is_refused_raises_with_its_words_and_path": ["features", "margin", "forming"],
-        "test_every_value_has_the_slope_of_differences": ["explicit-Cloth.stretch", "xpbd-Cloth.stretch"]},
+        "test_what_is_refused_raises_with_its_words_and_path": ["features", "margin", "forming"]},
     "gradient/test_fluids.py": {
         "test_every_value_has_the_slope_of_differences": ["/air:viscosity", "wind"],
         "test_schemes_that_carry_there_and_back": ["maccormack-/fire:place"],

@@ -55,7 +55,7 @@ RESTS, LIVE, LOADED = (f"physics/{name}.py" for name in ("cloth/test_rest_shape"
                                                           "motion/test_loads"))
 SOFT, BORNE = "physics/contact/test_soft_contacts.py", "gradient/test_reaction_adjoint.py"
 SHEET, STEPS = "test_a_sheet_that_stretches_shears_and_bends", "test_a_sheet_by_implicit_steps"
-SLOPES = "gradient/test_coverage.py::test_every_value_has_the_slope_of_differences"
+SLOPES = "gradient/test_value.py::test_every_value_has_the_slope_of_differences"
 PUSH = "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives"
 FALL = "test_a_sheet_that_falls_on_a_turning_collider_and_slides"
 JOINED, TOUCHED = "gradient/rigid/test_joints.py", "gradient/rigid/test_contacts.py"
