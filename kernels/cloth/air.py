@@ -27,6 +27,7 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.math.marks import own
 from wsim.kernels.math.real import differentiable, types
 
 
@@ -121,6 +122,7 @@ def press_leap(real, module):
     def speed(s: Half, i: int):
         return real(2.0) * s.v[i] - s.pair[(2 + s.at) * s.x.shape[0] + i] + (real(0.5) * s.known) * s.change[i]
 
+    @own
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def press_leap(triangle: wp.array(dtype=wp.vec3i), air: Air, s: Half, force_out: wp.array(dtype=t.vec3),
                    k_out: wp.array(dtype=t.scalar)):
@@ -178,6 +180,7 @@ def blow_leap(real, module):
     """Kernel: as `blow`, of leapfrog: half of dv, too, is in what damping sees."""
     t, Half, (Corners, gather) = types(real), halves(real), gatherer(real)
 
+    @own
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def blow_leap(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar),
                   d: wp.array(dtype=t.vec3), s: Half, d_out: wp.array(dtype=t.vec3), pair_out: wp.array(dtype=t.vec3)):

@@ -21,6 +21,7 @@ import warp as wp
 from wsim.kernels.cloth.constraint import DIHEDRAL, dihedral, inverse
 from wsim.kernels.cloth.element import elements
 from wsim.kernels.cloth.terms import batch_of
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import types
 
 SLOTS = 9              # hinges of a triangle, at most: as `wsim.physics.cloth.bending.SLOTS`
@@ -177,7 +178,7 @@ def corners(real, module):
             f_out[first + 4 * c + k + 1] = f
         f_out[first + 4 * c] = F0
 
-    return wp.kernel(corners, name=f"corners_dihedral_{t.name}", module=module, enable_backward=False)
+    return whole(wp.kernel(corners, name=f"corners_dihedral_{t.name}", module=module, enable_backward=False))
 
 
 @cache

@@ -12,6 +12,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.constraint import MEMBRANE, Constraint, membrane
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import types
 
 
@@ -71,4 +72,4 @@ def corners(*, real, module, damped: bool):
         f_out[out + 2] = f2
 
     name = "_".join(["corners_membrane", *(["damped"] if damped else []), t.name])
-    return wp.kernel(corners, name=name, module=module, enable_backward=False)
+    return whole(wp.kernel(corners, name=name, module=module, enable_backward=False))

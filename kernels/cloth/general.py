@@ -18,6 +18,7 @@ from wsim.kernels.cloth.corner_gradients import reader, works
 from wsim.kernels.cloth.element import elements
 from wsim.kernels.cloth.hessian import elements_of
 from wsim.kernels.cloth.terms import batch_of
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import types
 
 
@@ -52,7 +53,8 @@ def corners(row: Constraint, real, module, damped: bool):
             f_out[first + n * c + k + 1] = f
         f_out[first + n * c] = f0
 
-    return wp.kernel(corners, name=f"corners_{row.name}{'_damped' * damped}_{t.name}", module=module, enable_backward=False)
+    name = f"corners_{row.name}{'_damped' * damped}_{t.name}"
+    return whole(wp.kernel(corners, name=name, module=module, enable_backward=False))
 
 
 @cache

@@ -39,6 +39,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import own
 from wsim.kernels.math.real import differentiable, types
 
 HELD = 1e-3            # of a width: gaps so small are those of the hard contact behind it
@@ -230,7 +231,7 @@ def project(real, module):
         if s.count[i] > 0:
             d_out[i] = one(c, points, s, i, g, wp.matrix_from_rows(at.d[i], at.a[i]), at.push, push_out)
 
-    return wp.kernel(project, name=f"contact_{types(real).name}", module=module, enable_backward=False)
+    return own(wp.kernel(project, name=f"contact_{types(real).name}", module=module, enable_backward=False))
 
 
 @cache
@@ -292,4 +293,4 @@ def push_work(real, module):
                 if outside[s.row[j]] == 1:
                     given[i] = given[i] + wp.float64(wp.dot(push[j], s.u[j]) / (points.w[i] * g))
 
-    return wp.kernel(push_work, name=f"push_work_{t.name}", module=module, enable_backward=False)
+    return own(wp.kernel(push_work, name=f"push_work_{t.name}", module=module, enable_backward=False))

@@ -24,6 +24,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.project import meeting, read, slots, tables
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import types
 
 PASSES = 8             # over the contacts of a point that has several: planes at 60 degrees to each other are met to 1e-5
@@ -50,6 +51,7 @@ def begin(real, module, part: float = 0.5):
     now, was   u of the contact that a point had alone, and its row + 1; 0: it had none"""
     t, Slots, Read, c = types(real), slots(real), read(real), real(part)
 
+    @whole
     @wp.kernel(module=module, enable_backward=False)
     def begin_contacts(s: Slots, at: Read, now: wp.array(dtype=t.vec4), d_out: wp.array(dtype=t.vec3),
                        a_out: wp.array(dtype=t.vec3), was_out: wp.array(dtype=t.vec4), now_out: wp.array(dtype=t.vec4)):

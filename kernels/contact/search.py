@@ -23,6 +23,7 @@ import warp as wp
 from wsim.kernels.contact import collide
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, read, slots, tables
+from wsim.kernels.math.marks import own
 from wsim.kernels.math.real import types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
@@ -258,15 +259,14 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
     def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
                struck_out: wp.array(dtype=real)):
         i = wp.tid()
-        deep = c.deep[0] | (s.mark[i] & SUNK)
-        carried = find(c, points, s, wp.vec3i(i, at.k, deep), at.x[i], at.d[i], push_out)
+        carried = find(c, points, s, wp.vec3i(i, at.k, c.deep[0] | (s.mark[i] & SUNK)), at.x[i], at.d[i], push_out)
         if wp.dot(carried, carried) > real(0.0):
             d_out[i] = at.d[i] + carried
             a_out[i] = at.a[i] + carried
         if struck_out:
             struck_out[i] = real(s.mark[i] & SUNK)
 
-    return wp.kernel(search, name=name, module=module, enable_backward=False)
+    return own(wp.kernel(search, name=name, module=module, enable_backward=False))
 
 
 @wp.func_native("""

@@ -12,6 +12,8 @@ from types import FunctionType
 
 import warp as wp
 
+from wsim.kernels.math.marks import own
+
 MODULE = "wsim_fused_bodies"             # nothing of it is compiled by itself
 THREAD = "thread_"
 
@@ -41,6 +43,7 @@ def body(kernel: wp.Kernel, number: int) -> wp.Function:
 def copies(dtype) -> wp.Kernel:
     """Kernel: entries of an array go into another, from `first` on to `into` on. It runs inside of others only."""
 
+    @own
     @wp.kernel(module=MODULE, enable_backward=False)
     def copy_own(source: wp.array(dtype=dtype), into: int, first: int, array_out: wp.array(dtype=dtype)):
         i = wp.tid()

@@ -39,6 +39,7 @@ from wsim.kernels.contact.collide import split
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import read, slots, tables
 from wsim.kernels.contact.shape import distance
+from wsim.kernels.math.marks import own, whole
 from wsim.kernels.math.real import types
 
 FREE = 1.0e30          # [m] of a point that has no contacts
@@ -149,7 +150,7 @@ def stray(real, module):
         if not wp.length(x[i] - start[i]) + real(2.0) * wp.length(d[i]) <= room[i]:
             wp.atomic_max(met_out, 0, 1)
 
-    return wp.kernel(stray, name=f"stray_{t.name}", module=module, enable_backward=False)
+    return own(wp.kernel(stray, name=f"stray_{t.name}", module=module, enable_backward=False))
 
 
 @cache
@@ -199,6 +200,7 @@ def leap_bounded(real, module, flags: tuple, field=None):
     vec3, one, lanes = types(real).vec3, leaper(real, flags, field), dict(flags).get("lanes", 1)
     Net, Phase, Step, Bounds = net(real), phases(real), steps(real), bounds(real)
 
+    @whole
     @wp.kernel(module=module, enable_backward=False)
     def leap_bounded(net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step, within: Bounds,
                      d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):

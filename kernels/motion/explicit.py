@@ -16,6 +16,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.cloth.spring import acceleration, net
+from wsim.kernels.math.marks import own, whole
 from wsim.kernels.math.real import differentiable, types
 from wsim.kernels.motion.points import states
 
@@ -111,6 +112,7 @@ def leap(real, module, flags: tuple, field=None):
     vec3, one = types(real).vec3, leaper(real, flags, field)
     Net, Phase, Step = net(real), phases(real), steps(real)
 
+    @whole
     @wp.kernel(module=module, enable_backward=False)
     def leap(net: Net, f: wp.array(dtype=vec3), at: Phase, step: Step,
              d_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3)):
@@ -124,6 +126,7 @@ def begin(real, module):
     """Kernel: copy `source` of d is e and v, and the sums start; r is the remainder of v."""
     vec3 = types(real).vec3
 
+    @whole
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def begin(e: wp.array(dtype=vec3), v: wp.array(dtype=vec3), r: wp.array(dtype=vec3), source: int,
               d_out: wp.array(dtype=vec3), carry_out: wp.array(dtype=vec3), own_out: wp.array(dtype=vec3)):
@@ -146,6 +149,7 @@ def commit(real, module):
     """Kernel: the position becomes x + d of copy `source`, with its remainder."""
     vec3 = types(real).vec3
 
+    @whole
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def commit(d: wp.array(dtype=vec3), carry: wp.array(dtype=vec3), x: wp.array(dtype=vec3), source: int,
                x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), r_out: wp.array(dtype=vec3)):
@@ -170,6 +174,8 @@ def correct(real, module):
     """
     vec3, PointState, Step = types(real).vec3, states(real), steps(real)
 
+    @own
+    @whole
     @wp.kernel(module=module, enable_backward=False)
     def correct(at: PointState, pair: wp.array(dtype=vec3), step: Step,
                 x_out: wp.array(dtype=vec3), e_out: wp.array(dtype=vec3), v_out: wp.array(dtype=vec3),

@@ -23,6 +23,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import differentiable, types
 
 
@@ -76,7 +77,7 @@ def predict_euler(real, module):
         a_out[i] = a
         d_out[i] = a + (free * g) * (rate * v[i] + g * c.gravity[o])
 
-    return predict_euler
+    return whole(predict_euler)
 
 
 @cache
@@ -98,7 +99,7 @@ def predict_bdf2(real, module):
         a_out[i] = a
         d_out[i] = a + (free * g) * (rate * vt + g * c.gravity[o])
 
-    return predict_bdf2
+    return whole(predict_bdf2)
 
 
 @cache
@@ -117,7 +118,7 @@ def finish_euler(real, module):
         x_out[i] = x1
         e_out[i] = step - (x1 - x0)
 
-    return finish_euler
+    return whole(finish_euler)
 
 
 @cache
@@ -138,7 +139,7 @@ def finish_beyond(real, module, part: float = 0.5):
         x_out[i] = x1
         e_out[i] = step - (x1 - x0)
 
-    return finish_beyond
+    return whole(finish_beyond)
 
 
 @cache
@@ -149,8 +150,7 @@ def prolong(real, module, part: float = 0.5):
 
     @wp.kernel(module=module, enable_backward=False)
     def prolong(w: wp.array(dtype=real), e: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3),
-                g: real, d_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3),
-                ahead_out: wp.array(dtype=t.vec3)):
+                g: real, d_out: wp.array(dtype=t.vec3), v_out: wp.array(dtype=t.vec3), ahead_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         solved = d[i] - e[i]
         step = d[i] + more * solved
@@ -211,7 +211,7 @@ def finish_bdf2(real, module):
         s_out[i] = s1
         u_out[i] = v0
 
-    return finish_bdf2
+    return whole(finish_bdf2)
 
 
 @cache

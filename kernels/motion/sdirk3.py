@@ -15,6 +15,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import differentiable, types
 from wsim.kernels.motion.points import states
 
@@ -26,6 +27,7 @@ def finish_stage(real, module):
     """Kernel: from stage 1 to where stage 2 begins; s, u of it. Reads x, e, v, d."""
     t, PointState, on = types(real), states(real), real((1.0 - 2.0 * C) / C)
 
+    @whole
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def finish_stage(at: PointState, g: real, x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3),
                      v_out: wp.array(dtype=t.vec3), s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):
@@ -51,6 +53,7 @@ def finish_step(real, module):
     """Kernel: from stage 2 to the end of the step; s, u of all of it. Reads x, e, v, d, s, u."""
     t, PointState, half, before = types(real), states(real), real(0.5 / C), real((4.0 * C - 1.0) / (2.0 * C))
 
+    @whole
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def finish_step(at: PointState, g: real, x_out: wp.array(dtype=t.vec3), e_out: wp.array(dtype=t.vec3),
                     v_out: wp.array(dtype=t.vec3), s_out: wp.array(dtype=t.vec3), u_out: wp.array(dtype=t.vec3)):

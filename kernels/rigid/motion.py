@@ -24,6 +24,7 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
 
@@ -228,4 +229,4 @@ def free_step(real, module):
         every_out[2 * n + i] = kicked(p, b.push[i], b.drag[i], half)
         every_out[3 * n + i] = kicked(L, b.torque[i], b.spin_drag[i], half)
 
-    return wp.kernel(predict_bodies, name="predict_bodies", module=module, enable_backward=True)
+    return whole(wp.kernel(predict_bodies, name="predict_bodies", module=module, enable_backward=True))

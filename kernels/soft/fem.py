@@ -21,6 +21,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.hessian import elements_of
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import identity, rotation
 from wsim.kernels.soft import material as materials
@@ -172,7 +173,7 @@ def forces(material: str, damped: bool, *, real, module):
         one(tets, wp.tid(), x, d, v, q, f_out, q_out)
 
     name = f"fem_forces_{material}{'_damped' * damped}_{t.name}"
-    return wp.kernel(forces, name=name, module=module, enable_backward=False)
+    return whole(wp.kernel(forces, name=name, module=module, enable_backward=False))
 
 
 @cache

@@ -17,6 +17,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.cloth.hessian import elements_of
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import identity, rotation
 from wsim.kernels.soft import material as materials
@@ -75,7 +76,7 @@ def forces(material: str, damped: bool, *, real, module):
         spread(tets.force + 10 * c, nodes, real(-0.25) * tets.volume[c], f, f_out)
 
     name = f"quadratic_forces_{material}{'_damped' * damped}_{t.name}"
-    return wp.kernel(forces, name=name, module=module, enable_backward=False)
+    return whole(wp.kernel(forces, name=name, module=module, enable_backward=False))
 
 
 @cache

@@ -17,6 +17,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.cloth.hessian import elements_of
+from wsim.kernels.math.marks import whole
 from wsim.kernels.math.real import types
 from wsim.kernels.solver.line_search import Trial
 
@@ -63,7 +64,7 @@ def forces(real, module):
         for k in range(3):
             f_out[tri.force + 3 * c + k] = f
 
-    return wp.kernel(forces, name=f"pressure_forces_{t.name}", module=module, enable_backward=False)
+    return whole(wp.kernel(forces, name=f"pressure_forces_{t.name}", module=module, enable_backward=False))
 
 
 @cache

@@ -4,7 +4,7 @@ A method launches as ever, on the arrays of its state. While a tape records, wha
 array, and what it reads comes from the latest: Warp's adjoints then find every value that a nonlinear operation has read (an
 array written in place gives wrong gradients without a word). Arrays in structs are read so too; written are only arguments. A
 version that nobody has read yet may be written once more: the adjoint of a write takes its gradient away. Kernels that write
-a part of an array after others have read it start from a copy, but for those in WHOLE, which write all that is ever read.
+a part of an array after others have read it start from a copy, but for those marked `whole` (kernels/math/marks.py).
 
     roots     arrays that a method writes; a stretch begins with a copy (`Tape.entries`) and leaves the latest (`Tape.ends`)
     slots     memory of the versions and of their gradients, in order; stretches share it unless all of them are kept
@@ -26,8 +26,6 @@ from wsim.model.arena import Slots
 from wsim.model.compiler import recorded
 from wsim.model.structs import filled, values
 
-WHOLE = ("begin", "leap", "commit", "corners", "fem_forces", "quadratic_forces", "pressure_forces", "predict",
-         "finish", "correct")
 KEPT = (wp.int32, wp.quatf, wp.quatd, wp.vec2i, wp.vec4i, wp.uint64)      # flags, lists, starts of iterations
 
 
@@ -94,7 +92,7 @@ class Tape:
         """Launches a kernel, each output into a version of its own. Raises ValueError for a kernel without an adjoint."""
         backward = self.vjp[kernel](inputs) if kernel in self.vjp else None
         read = [self.read(a) for a in inputs]
-        wrote = [self.write(a, kernel.key.startswith(WHOLE)) for a in outputs]
+        wrote = [self.write(a, getattr(kernel, "whole", False)) for a in outputs]
         self.do(lambda: recorded.launch(kernel, dim, read, wrote, **how))
         if backward:
             self.adjoints.append(partial(backward, read, wrote))

@@ -14,6 +14,7 @@ import warp as wp
 
 from wsim.kernels.cloth.edge_contact.sites import sharps
 from wsim.kernels.contact.project import read, slots, tables
+from wsim.kernels.math.marks import own
 from wsim.kernels.math.real import types
 
 ALIKE = 0.6            # cosine of normals between which sites of a point count as one
@@ -90,7 +91,7 @@ def gather(real, module):
                 d_out[i] = d + carried
                 a_out[i] = at.a[i] + carried
 
-    return wp.kernel(gather_edges, name=f"gather_edges_{t.name}", module=module, enable_backward=False)
+    return own(wp.kernel(gather_edges, name=f"gather_edges_{t.name}", module=module, enable_backward=False))
 
 
 @cache

@@ -26,6 +26,7 @@ from wsim.kernels.cloth.edge_contact.edge import AWAY, lowest, signed
 from wsim.kernels.contact.project import read, tables
 from wsim.kernels.contact.search import frames, reachable
 from wsim.kernels.contact.shape import BOX
+from wsim.kernels.math.marks import own
 from wsim.kernels.math.real import types
 
 FLAT = 0.2             # least |m|: of faces that meet at 23 degrees
@@ -104,7 +105,7 @@ def feel(kinds: tuple[str, ...], real, module):
                     side = faced(n)
             sharp_out.side[slot] = side
 
-    return wp.kernel(feel_edges, name=f"feel_edges_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+    return own(wp.kernel(feel_edges, name=f"feel_edges_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False))
 
 
 @cache

@@ -14,7 +14,7 @@ from wsim.model.launches import Launches
 from wsim.physics.cloth.constraints import constrain
 from wsim.physics.fused import fuser
 from wsim.physics.fused.program import Numbers, phases
-from wsim.physics.fused.recorder import Recorder
+from wsim.physics.fused.recorder import Recorder, recorded
 from wsim.scene import Motion, Plane, Scene, Sphere, Surface, shapes
 from wsim.scene.curve import Curve
 from wsim.scene.fabric import Fabric
@@ -144,6 +144,28 @@ def test_what_writes_only_its_own_point_needs_no_wait(monkeypatch):
     assert sim.model.fuser.phases == 2
     _, _, sim = run(sheet(), "float32", monkeypatch, True, frames=0)
     assert sim.model.fuser.phases == 4                               # angles and membranes, curvatures, moments, points
+
+
+def test_phases_go_by_marks_of_kernels_and_not_by_their_names(monkeypatch):
+    """The functions of a scene's kernels are renamed, some to what others are called; so are their keys."""
+    _, _, sim = run(everything(), "float32", monkeypatch, True, frames=0)
+    (step, *_) = recorded(sim.model, sim.plan.substep, 0, 1)
+    want = [(p.ops, p.lanes) for p in phases(step)]
+    assert any(len(ops) > 2 and lanes for ops, lanes in want)
+    kernels, names = list({op.kernel for op in step}), ("search", "settle", "begin", "any")
+    for n, kernel in enumerate(kernels):
+        monkeypatch.setattr(kernel.func, "__name__", names[n % 4])
+        monkeypatch.setattr(kernel, "key", f"{names[n % 4]}{n}")
+    assert [(p.ops, p.lanes) for p in phases(step)] == want
+
+    @wp.kernel(module="test_marks", enable_backward=False)
+    def search(points: wp.array(dtype=float), next_out: wp.array(dtype=float)):
+        i = wp.tid()
+        next_out[i] = points[(i + 1) % points.shape[0]]                # of another point: threads have to wait
+    recorder = Recorder(None)
+    for _ in range(2):
+        recorder.launch(search, 4, [], [])
+    assert [p.ops for p in phases(recorder.ops)] == [[0], [1]]
 
 
 def test_launches_beside_each_other_share_a_phase():

@@ -18,19 +18,12 @@ import warp as wp
 
 from wsim.physics.fused.recorder import Op
 
-# kernels over points, by the names of their functions, whose threads touch of all that changes only what is their own
-OWN = {"correct", "project", "search", "blow", "blow_leap", "copy_own", "stray", "feel_edges", "gather_edges", "push_work"}
 LARGE = (wp.uint64, wp.int64)            # numbers that are compared, not counted with
 
 
 def lanes_of(op: Op) -> int:
-    """Threads of a point of a launch that may stand in a chain, else 0."""
-    if op.kernel is None or hasattr(op.kernel, "part"):
-        return 0
-    own = getattr(op.kernel, "own", 0)
-    points = op.kernel.adj.arg_types.get("points")
-    named = op.kernel.func.__name__ in OWN and (op.kernel.func.__name__ != "project" or points is not None)
-    return own or int(named)
+    """Threads of a point of a launch that may stand in a chain, else 0: see kernels/math/marks.py."""
+    return 0 if op.kernel is None or hasattr(op.kernel, "part") else getattr(op.kernel, "own", 0)
 
 
 @dataclass
