@@ -7,7 +7,9 @@ in the copy, whatever the environment says: without, every process of the tests 
 
 Tests that were skipped run again with the extras that they need, and those alone: by pytest's report of the first run.
 
-The first command must leave nothing that git would add. With the word `full` (`.ci/full`), tests marked slow run last.
+The first command must leave nothing that git would add. With the word `full` (`.ci/full`), tests marked slow run, and then
+tests of each package's use with the lowest versions that pyproject.toml allows, also of Python; WSIM_CI_LOWEST=1 asks for the
+latter without the former.
 
 The commands are taken from the `sh` blocks of the README's section Install, so that they cannot drift apart; its quick starts
 are run by tests/tools/test_readme.py. Prints each step with its time, and at the end pytest's closing line; exits with 1 if
@@ -20,6 +22,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 import xml.etree.ElementTree as xml
 from pathlib import Path
 from time import perf_counter
@@ -30,7 +33,14 @@ REPORT, AGAIN = "../report.xml", "../again.txt"         # of the tests of the se
 OTHER = re.compile("CUDA|GPU")                          # in reasons to skip that no extra mends
 CHECKS = (".venv/bin/pip install -q --no-compile -e '.[dev,view,plot,picture]'", f".venv/bin/pytest -q @{AGAIN}",
           ".venv/bin/ruff check .", ".venv/bin/mypy", ".venv/bin/python tools/lint.py")
-SLOW = (".venv/bin/pytest -q -m slow",)
+SLOW = ".venv/bin/pytest -q -m slow"
+PINS = "../lowest.txt"                                  # constraints of the lowest versions
+EXTRAS = "test", "view", "plot", "picture"              # that are tried by them
+LOWEST = (f".lowest/bin/pip install -q --no-compile -c {PINS} -e '.[{','.join(EXTRAS)}]'",
+          ".lowest/bin/pytest -q tests/usd/test_usd.py tests/usd/result/test_record.py tests/cli/test_run.py tests/show "
+          "tests/geometry tests/simulation/test_simulation.py tests/gradient/test_gradients.py "
+          "tests/physics/fluid/test_result.py tests/sweep/test_sweep.py tests/fitting/test_fit.py")
+BOUND = re.compile(r"([\w.-]+)(?:\[[\w,]+\])?>=([\w.]+)(?:,<[\w.]+)?")
 LARGE = 4e9                                     # [bytes] of kernels of the tests; one commit's are 0.5e9
 CLOSING = re.compile(r"\b(passed|failed|errors?)\b.* in [\d.]+s")
 MADE = ("hanging.usdc", "hanging.png")          # what the first command must leave behind
@@ -62,6 +72,35 @@ def untracked(folder: Path) -> set[str]:
     listed = subprocess.run(["git", f"--work-tree={folder}", "ls-files", "-o", "--exclude-standard"], cwd=ROOT,
                             capture_output=True, text=True)
     return set(listed.stdout.splitlines())
+
+
+def lowest(project: dict) -> list[str]:
+    """Constraints of pip: the lowest version that a project allows of each package that it and EXTRAS need. Raises SystemExit
+    where a package has no lower bound."""
+    pins = []
+    for need in (*project["dependencies"], *(need for extra in EXTRAS for need in project["optional-dependencies"][extra])):
+        found = BOUND.fullmatch(need)
+        if not found:
+            sys.exit(f"pyproject.toml: {need!r} has no lower bound, or one of another form; write it as name>=1.2")
+        pins.append(f"{found[1]}=={found[2]}")
+    return pins
+
+
+def oldest() -> tuple[str, ...]:
+    """Commands that try the lowest versions, and their constraints where those look for them; none without that Python."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    python = "python" + BOUND.match("python" + project["requires-python"])[2]
+    if not shutil.which(python):
+        print(f"lowest versions are not tried: there is no {python}", flush=True)
+        return ()
+    pins = " ".join(f"'{pin}'" for pin in lowest(project))
+    return f"{python} -m venv .lowest && printf '%s\\n' {pins} >{PINS}", *LOWEST
+
+
+def further() -> tuple[str, ...]:
+    """Commands after the checks, as the words of this command and the environment ask."""
+    full = "full" in sys.argv[1:]
+    return (SLOW,) * full + (oldest() if full or os.environ.get("WSIM_CI_LOWEST", "0") not in ("", "0") else ())
 
 
 def kept() -> Path | None:
@@ -117,7 +156,7 @@ def main() -> int:
         strange = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE")
         environment = {k: v for k, v in os.environ.items() if k not in strange}
         environment["WARP_CACHE_PATH"] = str(Path(place, "kernels"))
-        for number, command in enumerate((*commands(), *CHECKS, *(SLOW if "full" in sys.argv[1:] else ()))):
+        for number, command in enumerate((*commands(), *CHECKS, *further())):
             if number == 1 and (cache := kept()):
                 print(f"kernels are kept: {sum(1 for _ in cache.rglob('*.meta'))} modules were there", flush=True)
                 environment |= {"WARP_CACHE_PATH": str(cache), "MYPY_CACHE_DIR": str(cache / "mypy")}

@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 
 import numpy as np
 import pytest
@@ -127,3 +128,12 @@ def test_a_researcher_drops_a_jelly_in_ten_lines_and_fits_its_stiffness_in_ten_m
     error = found.errors["young"]
     assert found.converged and 0.0 < error < 100.0 and abs(found.values["young"] - 2e4) < 3.0 * error
     assert "error bar" in capsys.readouterr().out
+
+
+def test_each_package_has_a_lowest_version_that_ci_can_try():
+    project = {"dependencies": ["numpy>=2.1", "warp-lang>=1.19,<2"], "optional-dependencies": {
+        "test": [], "view": ["rerun-sdk>=0.41"], "plot": [], "picture": ["imageio[ffmpeg]>=2.31"]}}
+    assert ci.lowest(project) == ["numpy==2.1", "warp-lang==1.19", "rerun-sdk==0.41", "imageio==2.31"]
+    with pytest.raises(SystemExit, match="'pillow' has no lower bound"):
+        ci.lowest(project | {"dependencies": ["pillow"]})
+    assert len(ci.lowest(tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"])) > 5
