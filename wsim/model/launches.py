@@ -80,9 +80,9 @@ class Launches:
         else:
             recorded.launch(kernel, blocks, inputs, outputs, device=self.device)
 
-    def module_of(self, threads: int) -> str:
-        """Module of kernels with blocks of so many threads, on CUDA."""
-        name = f"{self.module}_{threads}"
+    def module_of(self, threads: int, part: str = "") -> str:
+        """Module of kernels with blocks of so many threads, on CUDA. part: name of one of several, compiled side by side."""
+        name = f"{self.module}_{threads}" + f"_{part}" * bool(part)
         self.modules[name] = threads
         return name
 

@@ -7,7 +7,6 @@ import warp as wp
 
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.joint.elimination import Linked
-from wsim.kernels.rigid.joint.impacts import linked_impacts
 from wsim.kernels.rigid.joint.steps import functions
 from wsim.kernels.rigid.lists.pairs import straying
 from wsim.kernels.rigid.motion import double3, kicked
@@ -113,27 +112,26 @@ def launched(real, module) -> dict:
 
 
 def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bouncing: bool = False):
-    """Kernel as `wsim.kernels.rigid.passes.substeps`, with islands of joints in front of the kinds."""
+    """Kernel as `wsim.kernels.rigid.passes.substeps`, with islands of joints in front of the kinds. bouncing: impacts are a
+    kernel of their own (`joint/impacts.py`: in one they took minutes to compile for a GPU), launched before each substep. The
+    first substep of a frame is prepared for it by a launch with steps = (0, 0, sweeps)."""
     Rig, w = whole(real), walks(kinds, real, meet, False)
     begun, placed, ended = bodies(real)
     lined, reset, joined, loosed = islands(real)
     prepare, warm, solve = w.prepare, w.warm, w.solve
-    if bouncing:
-        thrown = linked_impacts(kinds[-1], meet, real)
-    else:
-        @wp.func
-        def thrown(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
-            return
+    apart = wp.constant(int(bouncing))
 
     def rigid_linked(steps: wp.vec3i, h: real, threads: int, rig: Rig, J: Linked):
         i = wp.tid()
-        if steps[0] == 0:
+        first = steps[0] - 1
+        if apart == 1 and steps[1] > 0:
+            first = steps[0]
+        if first < 0:
             placed(i, threads, 0, rig)
         meet()
         n = steps[2]
-        for k in range(steps[0] - 1, steps[1]):              # each pass at one place, see kernels/rigid/passes.py
+        for k in range(first, steps[1]):                     # each pass at one place, see kernels/rigid/passes.py
             if k >= steps[0]:
-                thrown(i, threads, k, h, rig, J)
                 begun(i, threads, h, rig, J)
                 reset(i, threads, k, h, J)
                 meet()

@@ -85,6 +85,10 @@ class Form:
             steps = passes.substeps
             if linked:
                 from wsim.kernels.rigid.joint.passes import linked as steps
+                if bouncing:
+                    from wsim.kernels.rigid.joint.impacts import linked_thrown
+                    own = model.module_of(THREADS if self.wide else 1, "impacts")
+                    self.kernels["thrown"] = linked_thrown(self.kinds, real, own, meet, **sizes)
             self.kernels["substeps"] = steps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
         if bouncing:
@@ -120,11 +124,15 @@ class Form:
 
     def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
         """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps; joints: their struct, where there are some. Manifolds are
-        prepared, unless steps[0] is 0, where a frame begins."""
+        prepared, unless steps[0] is 0, where a frame begins. Where joints and impacts are, this is one substep."""
         if self.tolerance > 0.0:
             self.launch(self.kernels["converged"], [wp.vec3i(*steps), h, self.threads, self.tolerance, rig], [])
             return
         if self.name != "launches":
+            if "thrown" in self.kernels:
+                if steps[0] == 0:
+                    self.launch(self.kernels["substeps"], [wp.vec3i(0, 0, steps[2]), h, self.threads, rig, *joints], [])
+                self.launch(self.kernels["thrown"], [self.threads, steps[0], h, rig, *joints], [])
             self.launch(self.kernels["substeps"], [wp.vec3i(*steps), h, self.threads, rig, *joints], [])
             return
         if steps[0] == 0:
@@ -173,7 +181,7 @@ class Form:
     def launches(self, steps: int, sweeps: int) -> int:
         """Number of launches of a frame of so many substeps."""
         if self.name != "launches":
-            return (1 + self.coloured) * steps
+            return (1 + self.coloured + ("thrown" in self.kernels)) * steps + ("thrown" in self.kernels)
         kinds = len(self.of)
         more = bool(self.islands) * (1 + steps * (5 + sweeps))
         return more + 2 + kinds + steps * (3 + kinds + ("thrown" in self.kernels)
