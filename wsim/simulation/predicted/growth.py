@@ -7,8 +7,8 @@ springs k strain, of a sheet stretch strain + bend (pi / l)^2. Where the sum is 
 
 in air that takes the body with it at the rate c [1/s]. Leapfrog of steps h errs, over the size L, by the sum of
 
-    p       LEAP g h^2 / L + (c h)^2 w / L: w is the way that the points have gone (RMS speed, summed). SLIVERS where
-            slivers have more mass, and what float32 rounds
+    p       LEAP g h^2 / L + (c h)^2 w / 2 L: w is the way that the points have gone (RMS speed, summed); half of what the air
+            changes in a step is that of the step before. SLIVERS where slivers have more mass, and what float32 rounds
     hits    HIT h v / L once something touches a collider, v the largest RMS speed since the frame before: met at some time
             of a step
     edges   a sheet's points beside an edge of a box, or a rim, go to one side or the other of it, whatever the steps:
@@ -51,7 +51,7 @@ class Growth:
         self.model, self.dt, self.size = sim.model, 1.0 / sim.scene.fps, errors.size(sim.model)
         self.edge = max(b.size / b.row for b in errors.falls(sim.model)) / self.size
         self.air = max(c for _, c in errors.aired(sim.model))
-        self.exponent, self.grown = 0.0, SEED
+        self.exponent, self.grown, self.touched = 0.0, SEED, False
 
     @property
     def factor(self) -> float:
@@ -61,6 +61,21 @@ class Growth:
     def folded(self) -> bool:
         """True where folds come out differently on another device, or with other steps."""
         return self.grown >= FOLD * self.edge
+
+    @property
+    def smooth(self) -> bool:
+        """True while nothing was touched and differences have hardly grown: errors go with powers of the step."""
+        return not self.touched and self.grown < 0.1 * self.edge
+
+    def touch(self, sim, points: int) -> np.ndarray:
+        """Mask (points,) of those that touch a collider at the end of a frame."""
+        mark, touching = sim.state.points.arrays.get("mark"), np.zeros(points, bool)
+        if mark is not None:
+            from wsim.kernels.contact.project import TOUCHED  # of scenes with colliders
+            touching = (mark.numpy() & TOUCHED) > 0
+        came = sim.forms["free"] > 0 and not sim.plan.clock.free              # the device saw one come near
+        self.touched = bool(self.touched or came or touching.any())
+        return touching
 
     def look(self, x: np.ndarray, error: float = 0.0) -> None:
         """Looks at positions (points, 3) [m] at the end of a frame; error: that its steps made, over the size."""
@@ -79,14 +94,14 @@ class Leapfrog(Growth):
         self.edges, self.edged = [] if soft else [c for c in sim.scene.colliders if type(c.shape) in BESIDE], 0.0
         choice, bodies = sim.plan.choice, errors.falls(sim.model)
         self.h, self.way, self.speed, self.fastest = self.dt / choice.steps, 0.0, 0.0, 0.0
-        self.smooth = errors.LEAP * max(b.g for b in bodies) * self.h**2 / self.size + choice.slowed * errors.SLIVERS
+        self.plain = errors.LEAP * max(b.g for b in bodies) * self.h**2 / self.size + choice.slowed * errors.SLIVERS
         self.rounded = TETS if soft else SHEETS
-        self.touched, self.before = False, 0.0
+        self.before = 0.0
 
     @property
     def steps(self) -> float:
         """Error p of its steps."""
-        return self.smooth + (self.air * self.h)**2 * self.way
+        return self.plain + 0.5 * (self.air * self.h)**2 * self.way
 
     @property
     def error(self) -> float:
@@ -102,13 +117,7 @@ class Leapfrog(Growth):
         """Looks at the end of a frame of positions x (points, 3) [m]."""
         speed = float(np.sqrt((sim.state.v.numpy().astype(np.float64)**2).sum(axis=1).mean())) / self.size
         self.way += speed * self.dt
-        mark = sim.state.points.arrays.get("mark")
-        touching = np.zeros(len(x), bool)
-        if mark is not None:
-            from wsim.kernels.contact.project import TOUCHED  # of scenes with colliders
-            touching = (mark.numpy() & TOUCHED) > 0
-        came = sim.forms["free"] > 0 and not sim.plan.clock.free              # the device saw one come near
-        self.touched = bool(self.touched or came or touching.any())
+        touching = self.touch(sim, len(x))
         if self.edges and touching.any():
             self.edged = max(self.edged, self.beside(sim, x, touching))
         if self.touched:

@@ -1,14 +1,14 @@
 """Strain that a converged run has, estimated beside a run of XPBD where its edges are stretched.
 
 Sweeps that a substep leaves out let edges lag behind their forces (`wsim.simulation.predicted.sweep_strain`). The lag is local:
-from the end of a frame, one substep more, taken in PARTS parts of SWEEPS sweeps each, takes it back, and the cloth as a whole
+from the end of a frame, one substep more, taken in parts of some sweeps each (PARTS), takes it back, and the cloth as a whole
 moves no further than in a substep. What strain is left then is mostly above a converged run's, which has held the cloth in all
 frames before as well: a cloth that sweeps let hang too low has stored that strain, and swings with it. More sweeps, parts or
 substeps do not take it back (1 to 8 substeps of 4 x 20, 8 x 20 and 4 x 80 of ten scenes: the twisted cloth stays at 20 %, where
 a converged run has 1).
 
-Measured in 51 estimates, random scenes (tools/bench/choice/reported_errors.py): 0.9 to 8 times the converged strain in four of
-five, 1.7 in the median. The shirt on its dummy by XPBD 213 x 1 (tools/bench/choice/peak_strains.py), frames 3, 6 and 12: 64, 22
+Measured in 51 estimates, random scenes (tools/bench/choice/reported_errors.py): 0.96 to 8 times the converged strain in four of
+five, 2.0 in the median. The shirt on its dummy by XPBD 213 x 1 (tools/bench/choice/peak_strains.py), frames 3, 6 and 12: 64, 22
 and 23 %, estimated 11, 8.7 and 8.7, converged 8.6, 6.0 and 4.7.
 """
 
@@ -19,8 +19,10 @@ import numpy as np
 from wsim.scene import SceneError
 from wsim.simulation.measure.indicators import edge_strain
 
-PARTS, SWEEPS = 4, 10      # 4 x 20 and 4 x 80: the same; 2 x 10: twice as far above in one of ten
-FRAMES, CHECKS = 24, 3     # frames that are looked at, and estimates that are made in them at most: each costs 40 sweeps
+# parts and sweeps of runs of one sweep, whose kernels these are (others would be compiled: 2 to 4 s), and of more. Medians of
+# 51 estimates over the converged strain: 20 x 1 1.96, 40 x 1 2.3, 160 x 1 2.9, 4 x 10 1.71; 2 x 10: twice 4 x 10 in one of ten
+PARTS = (20, 1), (4, 10)
+FRAMES, CHECKS = 24, 3     # frames that are looked at, and estimates that are made in them at most: 20 to 40 sweeps each
 GROWN = 2.0                # strain over that of the last estimate, from which another is made
 LEAST = 0.02               # strain below which nobody sees it
 OVER = 1.1                 # strain over the estimate, from which a run is warned of: a sheet with long substeps that a rope
@@ -57,8 +59,9 @@ class Settled:
         """Strain after one substep more."""
         steps = self.plan.clock.steps
         if self.other is None:
-            finer = replace(sim.given, solver="xpbd", integrator="backward_euler", fps=sim.given.fps * steps, substeps=PARTS,
-                            iterations=SWEEPS)
+            parts, sweeps = PARTS[self.plan.clock.iterations > 1]
+            finer = replace(sim.given, solver="xpbd", integrator="backward_euler", fps=sim.given.fps * steps, substeps=parts,
+                            iterations=sweeps)
             self.other = type(sim)(finer, device=sim.device, precision=sim.precision)
         self.other.restart(sim.frame * steps, {path: sim.fields(path) for path in sim.state.paths()}, alike=False)
         self.other.step()
