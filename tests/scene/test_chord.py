@@ -100,3 +100,26 @@ def test_points_that_start_inside_a_collider_are_told(shape):
     assert float(depth) == pytest.approx(0.3 - np.linalg.norm(scene.cloths[0].points[int(point)]), abs=0.01)
     scene.pin("/pin", "/cloth", np.flatnonzero(within))             # what is pinned there was put there
     assert not [p for p in check(scene) if "start inside" in p.text]
+
+
+@pytest.mark.parametrize(("shape", "thin"), [
+    (Sphere(0.05), 0.05), (Box((0.02, 0.3, 0.01)), np.hypot(0.02, 0.01)), (Capsule(0.05, 0.3), 0.05),
+    (Cylinder(0.3, 0.05), 0.3), (Surface(*shapes.box((0.01, 0.02, 0.3))), np.hypot(0.02, 0.01)), (Plane(), np.inf)])
+def test_girth_is_the_least_radius_of_a_hole_that_a_collider_fits_through(shape, thin):
+    assert chord.girth(Collider("/c", shape, PLACE)) == pytest.approx(thin, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("shape", "told", "more"), [
+    (Sphere, True, {}), (Sphere, True, {"self_collision": True}), (lambda r: Sphere(5.0 * r), False, {}),
+    (lambda r: Box((0.1 * r, 0.1 * r, 4.0 * r)), True, {}), (lambda r: Box((r, r, 4.0 * r)), False, {}),
+    (lambda r: Box((0.1 * r, 0.1 * r, 4.0 * r)), False, {"self_collision": True})])
+def test_a_collider_that_fits_between_the_points_of_a_cloth_is_told_once(size, shape, told, more):
+    """Right triangles of a side of size / 6 leave circles of a radius of 0.71 times that; r is a quarter of it."""
+    scene = Scene()
+    points, counts, indices = shapes.sheet(size, size, 6, 6, horizontal=True)
+    scene.cloth("/cloth", points, counts, indices, material=Fabric(thickness=1e-3 * size), **more)
+    scene.collider("/thin", shape(0.03 * size), at=(0.0, -size, 0.0))
+    said = [p for p in check(scene) if "may go through it unseen" in str(p)]
+    assert len(said) == told
+    assert not told or f"hole of {2.0 * chord.girth(scene.colliders[0]):.2g} m" in str(said[0])

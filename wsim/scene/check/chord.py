@@ -26,6 +26,7 @@ from wsim.scene.solids import row
 
 STRAINED = 1.1         # edges of a sheet that drapes over a ball are up to so much longer, by its shear
 CREASE = np.deg2rad(50.0)
+SIDES = 16             # on a circle of a round shape whose girth is asked
 MOST = 0.95            # of the triangles are hidden: a few large ones do not lift a fine sheet
 
 
@@ -47,6 +48,23 @@ def radius(collider: Collider) -> float:
     """The least radius of curvature [m] of what bends outward and is no edge; inf where all is flat."""
     shape = collider.shape
     return _bent(shape) if isinstance(shape, Surface) else row(shape).curvature(shape)
+
+
+def girth(collider: Collider) -> float:
+    """Radius [m] of the round hole that a collider fits through along one of its principal axes; inf of a plane."""
+    shape = collider.shape
+    if isinstance(shape, Surface):
+        points = shape.points.astype(np.float64)
+    elif isinf(row(shape).ball(shape)):
+        return inf
+    else:
+        points = row(shape).outline(row(shape).given(shape), SIDES)[0]
+    if not len(points):
+        return inf
+    centred = points - points.mean(axis=0)
+    own = centred @ np.linalg.svd(centred, full_matrices=False)[2].T
+    own -= 0.5 * (own.min(axis=0) + own.max(axis=0))
+    return min(float(np.linalg.norm(np.delete(own, k, axis=1), axis=1).max()) for k in range(own.shape[1]))
 
 
 def _bent(surface: Surface) -> float:
