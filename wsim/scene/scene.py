@@ -260,8 +260,7 @@ class Scene(Compared):
         return self.loads[-1]
 
     def traction(self, path: str, body, triangles, traction) -> Load:
-        """Adds a traction [Pa], (3,) or a Curve over time, on triangles (m, 3) of a cloth or of the surface of a soft body;
-        `wsim.scene.nodal.loads.between` finds those between points."""
+        """Adds a traction [Pa], (3,) or a Curve, on triangles (m, 3) of a cloth or soft body (`nodal.loads.between`)."""
         self.loads.append(Load(path, body if isinstance(body, str) else body.path, over_time(traction), triangles=triangles))
         return self.loads[-1]
 
@@ -281,12 +280,13 @@ class Problem:
 
     path        prim path, or the file or option that is at fault
     text        what was found, what is allowed and the cure, in one line
-    fatal       True: the scene cannot be simulated; False: a warning
+    fatal       True: the scene cannot be simulated; False: a warning (overlap: of things that overlap where the run starts)
     """
 
     path: str
     text: str
     fatal: bool = True
+    overlap: bool = False
 
     def __str__(self) -> str:
         return f"{'error' if self.fatal else 'warning'}: {self.path}: {self.text}".replace("\n", "\\n")

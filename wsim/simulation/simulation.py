@@ -56,7 +56,7 @@ class Simulation:
             raise SceneError([p for p in problems if p.fatal])
         self.given, self.precision, self.worlds = scene, precision, whole("worlds", worlds, 1)
         self.gradients, self.fps, self.device = gradients, fps, kernel_cache.device(device)
-        self.warnings = [str(p) for p in (*scene.notes, *problems) if not p.fatal]
+        self.warnings, self.overlaps = [str(p) for p in (*scene.notes, *problems)], any(p.overlap for p in problems)
         self.seconds: dict[str, float] = {}
         self.graphs: dict = {}                 # of frames with contacts (False), without (True), and see `live.prepare`
         self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`

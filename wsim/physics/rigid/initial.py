@@ -71,7 +71,7 @@ def check(scene: Scene) -> Iterator[Problem]:
         more = f" (and {len(deepest) - 1} other bodies in something)" if len(deepest) > 1 else ""
         yield warning(bodies[body].path, f"starts {depth:.3g} m deep in {name}, {100.0 * depth / sizes[body]:.0f} % of its "
                       f"size{more}: contacts push it out at once", f"up to {100.0 * DEEP:g} %", "move them apart, filter the "
-                      "pair (PhysicsFilteredPairsAPI) or join the two")
+                      "pair (PhysicsFilteredPairsAPI) or join the two", overlap=True)
 
 
 def _solids(scene: Scene) -> Iterator[Solid]:

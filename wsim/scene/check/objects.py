@@ -31,8 +31,8 @@ def error(path: str, found: str, allowed: str, mend: str) -> Problem:
     return Problem(path, f"{found}; allowed: {allowed}; mend: {mend}")
 
 
-def warning(path: str, found: str, expected: str, mend: str) -> Problem:
-    return Problem(path, f"{found}; expected: {expected}; mend: {mend}", False)
+def warning(path: str, found: str, expected: str, mend: str, overlap: bool = False) -> Problem:
+    return Problem(path, f"{found}; expected: {expected}; mend: {mend}", False, overlap)
 
 
 def three_digits(value: float, whole: Callable[[float], int]) -> float:

@@ -23,14 +23,13 @@ from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.simulation.measure.checks.reasons import Reasons
-from wsim.simulation.measure.checks.rise import left_open
+from wsim.simulation.measure.checks.rise import FIRST, left_open
 from wsim.simulation.measure.checks.terms import Terms
 from wsim.simulation.measure.checks.works import Works
 
 PART = 0.01            # of the largest kinetic energy so far
 FLOOR = 1e-3           # of the size of an object, over which its weight may work
 CREEP = 1e-4           # of the size of an object a frame: a speed that is none
-FIRST = 5              # frames in which what overlaps at the start is pushed apart
 APART = "; if shapes overlap where the run starts, move them apart"
 WORD = "energy gained"
 FIELDS = (Field("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),

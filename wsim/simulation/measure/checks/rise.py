@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
 
 RISES = 2
+FIRST = 5              # frames in which what overlaps at the start is pushed apart
 TIMES = 2              # substeps over those before
 
 
@@ -20,8 +21,11 @@ def left_open(scene) -> bool:
 
 
 def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
-    """True if the frame is to be repeated with more substeps, which stay; False where it holds and is warned of."""
+    """True if the frame is to be repeated with more substeps, which stay; False where it holds and is warned of: in the first
+    frames of things that overlap where the run starts, too, as these are pushed apart whatever the substeps."""
     balance, clock = sim.plan.find("balance"), sim.plan.clock
+    if sim.overlaps and balance.frames < FIRST:
+        return False
     if clock.apart or not left_open(sim.given) or balance.rises >= RISES:
         return False
     before = clock.steps
