@@ -19,6 +19,7 @@ SURE = 3.0             # errors of J below which a singular value is one of them
 FARTHEST = 0.03        # of theta: largest step of a difference
 CRUDE = 3.0            # second derivatives over first that forward differences, which see none, are taken to have
 LOST = 1e-12           # of the largest singular value: rounding of numbers
+KEPT = 1 << 28        # [bytes] of residuals and Jacobians that are kept; more is made anew when it is asked for
 FEW = 20               # residuals more than parameters, from which they tell what noise is
 
 
@@ -54,7 +55,8 @@ class Sums:
     rows: list[tuple[float, int, float]] = field(default_factory=list)      # time, frame, rms of r
     growth: list[list[float]] = field(default_factory=list)                 # rms of each column, moment by moment
     before: np.ndarray | None = None          # r of the last moment
-    blocks: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)      # r and J of each moment
+    blocks: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)      # r and J of each moment; []: over KEPT
+    size: int = 0                             # [bytes] of all r and J
 
     @staticmethod
     def at(theta: np.ndarray, steps: Steps, central: bool) -> "Sums":
@@ -73,7 +75,11 @@ class Sums:
         if self.before is not None and len(self.before) == len(part.r):
             self.alike += float(self.before @ part.r)
         self.before = part.r
-        self.blocks.append((part.r, part.J))
+        self.size += part.r.nbytes + part.J.nbytes
+        if self.size > KEPT:
+            self.blocks.clear()
+        else:
+            self.blocks.append((part.r, part.J))
         self.rows.append((part.time, part.frame, float(np.sqrt(np.mean(part.r**2))) if len(part.r) else 0.0))
         self.growth.append(np.sqrt(np.mean(part.J**2, axis=0)).tolist() if len(part.r) else [0.0] * part.J.shape[1])
 

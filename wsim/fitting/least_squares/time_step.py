@@ -65,10 +65,9 @@ def halve(search: Search, e: Estimate, noise: float) -> TimeStep:
     if best is None or not known.any():
         return unknown(count)
     try:
-        blocks = best.blocks or [(part.r, part.J) for part in misfit.walk(best.theta, steps=best.steps)
-                                  if part.J is not None and part.time <= best.time]
+        blocks = best.blocks or ((part.r, part.J) for part in misfit.walk(best.theta, steps=best.steps) if part.J is not None)
         slope = np.zeros(count)
-        for part, (r, J) in zip(misfit.walk(best.theta, derivatives=False, finer=2), blocks, strict=False):
+        for (r, J), part in zip(blocks, misfit.walk(best.theta, derivatives=False, finer=2), strict=False):
             slope += J.T @ (part.r - r)
             if part.time >= best.time:
                 break
