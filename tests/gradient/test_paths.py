@@ -109,6 +109,47 @@ def test_contacts_that_few_newton_steps_do_not_find_are_sought_once_more(iterati
     assert found == pytest.approx(expected, rel=1e-6) and found == pytest.approx(-143.81428, rel=1e-6)
 
 
+def simulated(iterations: int, velocities: np.ndarray | None = None) -> tuple[Scene, Simulation]:
+    """A ball that turns as it strikes, by so many Newton steps a substep; 4 frames of a simulation."""
+    scene = struck("implicit", {"kind": "catmull_rom"}, True)
+    scene.iterations, scene.cloths[0].velocities = iterations, velocities
+    sim = Simulation(scene, device="cpu", precision="float64", gradients=True)
+    if velocities is not None:
+        sim.run(4)
+    return scene, sim
+
+
+def told(iterations: int) -> tuple[Recording, np.ndarray, np.ndarray]:
+    """A recording that has gone back from a loss, its weights, and the gradient with respect to velocities."""
+    recording = Recording(simulated(iterations)[1], 4)
+    recording.run()
+    w = np.random.default_rng(3).normal(size=recording.positions(4).shape)
+    return recording, w, recording.backward({4: w}).velocities()
+
+
+@pytest.mark.slow
+def test_the_warning_tells_how_far_gradients_of_a_simulation_are():
+    """Its gradient by differences, one velocity after the other: 20 % from that of the recording, where places are 1 % apart.
+    Two directions tell it to a factor 2 of chance."""
+    recording, w, by = told(6)
+    v, h, found = np.zeros(by.shape), 1e-3, np.zeros(by.shape)
+    for k in np.argwhere(by != 0.0):
+        ends = []
+        for sign in (1.0, -1.0):
+            v[tuple(k)] = sign * h
+            ends.append(float((simulated(6, v)[1].positions() * w).sum()))
+        v[tuple(k)], found[tuple(k)] = 0.0, (ends[0] - ends[1]) / (2.0 * h)
+    true, apart = np.linalg.norm(found - by) / np.linalg.norm(by), recording.apart
+    assert 0.5 < apart.gradient / true < 2.0 and true > 10.0 * apart.places / apart.way
+    assert any(f"differ by about {100.0 * apart.gradient:.2g} %" in text for text in recording.sim.warnings)
+
+
+@pytest.mark.slow
+def test_gradients_of_a_simulation_that_solves_its_contacts_are_those_of_the_recording():
+    recording = told(20)[0]
+    assert recording.apart.gradient < 5e-3 and not any("among contacts" in text for text in recording.sim.warnings)
+
+
 @pytest.mark.parametrize(("name", "how", "said"), [
     ("tangents", {"kind": "catmull_rom"}, "of kind catmull_rom, which has no tangents; kinds hermite and bezier"),
     ("handles", {"kind": "eased", "easing": "bounce-out"}, "has no handles; kind eased has them")])

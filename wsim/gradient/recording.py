@@ -12,7 +12,7 @@ from math import ceil
 import warp as wp
 
 from wsim.gradient.amplification import Growth
-from wsim.gradient.apart import apart
+from wsim.gradient.apart import Apart
 from wsim.gradient.checkpoints import Segments, in_words, launched, measured
 from wsim.gradient.gradient import Fetched, Gradient
 from wsim.gradient.loss import Seeds
@@ -78,7 +78,7 @@ class Recording(Frames):
             self.prepare()
             self.allot()
         self.recorded, self.growth = self.shape, Growth(frames, sim.device, sim.model.real)
-        self.apart: float | None = None               # [m] from what a simulation does, after the first run
+        self.apart: Apart | None = None               # from what a simulation does, after the first run
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.rewind()
 
@@ -189,7 +189,7 @@ class Recording(Frames):
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
         judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
         if self.apart is None and self.plan.find("adjoint"):
-            self.apart = apart(self)
+            self.apart = Apart(self)
 
     def misses(self) -> list[wp.array]:
         """Residuals that the worst forward and the worst adjoint solve of implicit steps have left."""
@@ -254,6 +254,8 @@ class Recording(Frames):
         seeds.add(0)
         self.look(seeds)
         states = Fetched({r.base.ptr: wp.clone(r.carried) for r in self.roots})
+        if self.apart and self.parameters.contact and not seeds.pulls:
+            self.apart.tell_gradient(self, seeds, states)
         return Gradient(self.parameters, states, targets[::-1], motions[::-1], seeds)
 
     def look(self, seeds: Seeds) -> None:
