@@ -10,6 +10,8 @@ import warp as wp
 from wsim.kernels.fluid.grid import structs
 from wsim.kernels.math.real import types
 
+MOST = 1 << 24         # steps that are counted
+
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
@@ -57,21 +59,22 @@ def fastest(dim: int, real, module):
 
 @cache
 def begin(real, module):
-    """Kernel of one thread: the clock of a frame. way: cells of width dx that a step may cross; the count is kept in
-    least .. most."""
+    """Kernel of one thread: the clock of a frame. way: what a step may cross [m]; the count is kept in least .. most. steps: that
+    count, and what the speed alone wants."""
 
     def begin(speed: wp.array(dtype=real), frame: real, way: real, least: int, most: int, clock_out: wp.array(dtype=real),
               going_out: wp.array(dtype=int), steps_out: wp.array(dtype=int)):
-        n = real(most)
-        if speed[0] * frame < way * real(most):
-            n = wp.ceil(speed[0] * frame / way)
-        n = wp.clamp(n, real(least), real(most))
+        wanted = real(wp.static(MOST))
+        if speed[0] * frame < way * wanted:
+            wanted = wp.ceil(speed[0] * frame / way)
+        n = wp.clamp(wanted, real(least), real(most))
         clock_out[0] = frame / n
         clock_out[1] = real(0.0)
         clock_out[2] = n
         clock_out[3] = frame
         going_out[0] = 1
         steps_out[0] = int(n)
+        steps_out[1] = int(wanted)
 
     return wp.kernel(begin, name=f"steps_begin_{types(real).name}", module=module, enable_backward=False)
 

@@ -61,6 +61,14 @@ SEALED = 'uniform token[] wsim:fluid:sides = ["closed", "closed", "closed", "clo
 TWO = AIR + AIR.replace('"Air"', '"More"').replace('"Smoke"', '"Fire"')
 MASS = ', "PhysicsMassAPI"'
 
+
+
+def passing(speed: float, height: float = 0.0) -> str:
+    """A ball that passes through the air, or above it."""
+    return (f'def Sphere "Fast" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {{ double radius = 0.1; double3 xformOp:translate.timeSamples '
+            f'= {{0: (-1, 0, {height}), 24: ({speed - 1}, 0, {height})}}; uniform token[] xformOpOrder = ["xformOp:translate"] }}')
+
+
 # name: (stage, prim, words of the fault, words of the fix)
 FAULTS = {
     "axes are NaN": (box(apis=MASS, more="float physics:mass = 1; float3 physics:diagonalInertia = (1, 1, 1); "
@@ -117,6 +125,10 @@ FAULTS = {
     "domains overlap": (TWO, "/Air", "it overlaps /More", "move one of them"),
     "CFL is cut": (air("int wsim:fluid:mostSteps = 2", "vector3d wsim:fluid:velocity = (48, 0, 0)"), "/Air",
                    "needs 8 steps a frame at a CFL number of 2, and most_steps is 2", "more most_steps"),
+    "CFL is cut by a collider": (air("int wsim:fluid:mostSteps = 2") + passing(60), "/Air", "/Fast moves at 60 m/s, which needs 10 "
+                                 "steps a frame", "most_steps of 10 or more"),
+    "waves are cut": (WATER.replace("    double wsim:liquid", "    int wsim:liquid:mostSteps = 1\n    double wsim:liquid", 1), "/Water",
+                      "waves of its surface need 2 steps a frame, and most_steps is 1", "more most_steps"),
     "air is filled": (AIR + SPHERE, "/Air", "/Ball fills all of it", "move /Ball"),
     "tank is filled": (WATER + SPHERE, "/Water", "/Ball fills all of it", "move /Ball"),
     "tank is empty": (WATER.split("def Cube \"Pool\"")[0], "/Water", "nothing fills it", "WsimLiquidSourceAPI"),
@@ -150,6 +162,7 @@ VALID = {
     "open air": air('uniform token[] wsim:fluid:sides = ["open", "open", "open", "open", "open", "open"]',
                     "double wsim:fluid:expansion = 3"),
     "counted": air("int wsim:fluid:steps = 4"), "blown": air(source="vector3d wsim:fluid:velocity = (4, 0, 0)"),
+    "fast beside": air("int wsim:fluid:mostSteps = 2") + passing(60, 2), "still": air("int wsim:fluid:mostSteps = 1"),
     "obstacle": AIR + SPHERE.replace("5", "0.1"), "water": WATER, "stone in water": WATER + SPHERE.replace("5", "0.1"),
     "box in water": WATER + box().replace("size = 1", "size = 0.2").replace("0, 0, 0.5", "0, 0, 0.4"),
     "two airs": AIR + AIR.replace('"Air"', '"More"').replace('"Smoke"', '"Fire"').replace(

@@ -67,6 +67,17 @@ def test_a_frame_has_as_many_steps_as_its_air_needs():
     assert method(sim).arrays(0)["u"] == pytest.approx(4.0, rel=1e-6)
 
 
+@pytest.mark.parametrize("most", [7, 8])
+def test_a_frame_that_wants_more_steps_than_it_may_take_is_told(most):
+    """As above: 8 steps are wanted."""
+    sim = Simulation(box((32, 32), size=1.0, seconds=0.25, frames=2, sides=("periodic",) * 6, cfl=2.0, most_steps=most),
+                     device="cpu")
+    put(sim, lambda axis, x, y, z: 4.0 * (axis == 0) + 0.0 * x)
+    sim.step()
+    said = " ".join(sim.report()["warnings"])
+    assert ("wanted 8 steps at a CFL number of 2, and most_steps is 7" in said) == (most == 7)
+
+
 def test_worlds_are_apart():
     scene = box((16, 16), size=1.0, seconds=0.5, sides=("closed",) * 6, gravity=(0.0, -9.81, 0.0), steps=2)
     scene.add(Source("/hot", Sphere(0.2), smoke=1.0, temperature=50.0, motion=Motion.at_place((0.5, 0.3, 0.03))))

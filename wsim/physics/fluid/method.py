@@ -29,7 +29,7 @@ from wsim.scene.values.coverage import refuse
 NAMES = ("u", "v", "w")
 SCALARS = {"smoke": Field("smoke", "1", True, "of the air in a cell", "scalar"),
            "heat": Field("temperature", "K", True, "above the air around", "scalar")}
-WORDS = {"solves": 2, "missed": 1, "steps": 1}
+WORDS = {"solves": 2, "missed": 1, "steps": 2}
 SOURCE = ("smoke", "temperature", "expansion", "velocity", "strength", "place")
 
 
@@ -237,7 +237,7 @@ class Fluids(Method):
                     both = max if name in ("fluid_speed", "fluid_divergence") else sum
                     found[name] = both([found.get(name, 0.0), value])
         said = {name: self.status.said(f"fluid: {name}") for name in WORDS}
-        return found | {"fluid_iterations": float(said["solves"][1::2].max()), "fluid_steps": float(said["steps"].max())}
+        return found | {"fluid_iterations": float(said["solves"][1::2].max()), "fluid_steps": float(said["steps"][::2].max())}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         rows = slice(None) if world is None else world

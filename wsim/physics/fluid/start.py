@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Problem, Scene, Surface
+from wsim.physics.fluid.liquid.objects import GIVEN, WAVE
+from wsim.scene import Plane, Problem, Scene, Sphere, Surface
 from wsim.scene.check import signed_distance
 from wsim.scene.check.objects import error, surface, warning
+from wsim.scene.solids import row
 
 DOMAINS = ("Fluid", "Liquid")
 SOURCES = {"Fluid": ("Source", "fluid"), "Liquid": ("LiquidSource", "liquid")}
 TOUCH = 1e-6           # of a cell, by which boxes may lie in each other
+FRAMES = 2000          # that are looked at for what moves through a domain
 FINEST = 12            # places along an axis at which a domain is asked whether a collider fills it
 
 
@@ -33,28 +36,85 @@ def common(domain: Any, scene: Scene) -> Iterator[Problem]:
 
 
 def _fast(domain: Any, kind: str, scene: Scene) -> Iterator[Problem]:
-    """A CFL number that the most steps cut from the first frame on, by speeds that the scene names."""
-    name, of = SOURCES[kind]
-    given = [x.velocity for x in scene.things(name) if x.velocity is not None and getattr(x, of) in ("", domain.path)]
-    given += [v for v in (getattr(domain, "velocity", None), getattr(domain, "side_velocities", None)) if v is not None]
-    speed = max((float(np.abs(v).max(initial=0.0)) for v in given), default=0.0)
-    if domain.steps or not (domain.cfl > 0.0 and scene.fps > 0.0 and np.isfinite(speed)):
+    """Too few steps for speeds and waves that the scene names."""
+    if domain.steps or not (domain.cfl > 0.0 and scene.fps > 0.0):
         return
-    wanted = speed / scene.fps / (domain.cfl * domain.cell)
+    needs = list(_needs(domain, kind, scene))
+    wanted, what = max(((n, what) for n, what in needs if np.isfinite(n)), default=(0.0, ""))
     if wanted > domain.most_steps:
-        yield warning(domain.path, f"a speed of {speed:g} m/s needs {int(np.ceil(wanted))} steps a frame at a CFL number of "
-                      f"{domain.cfl:g}, and most_steps is {domain.most_steps}: it crosses "
-                      f"{wanted * domain.cfl / domain.most_steps:.3g} cells in a step",
-                      f"most_steps of {int(np.ceil(wanted))} or more", "author more most_steps, larger cells, or a larger cfl")
+        yield warning(domain.path, f"{what}, and most_steps is {domain.most_steps}: steps are {wanted / domain.most_steps:.3g} "
+                      "times too long", f"most_steps of {int(np.ceil(wanted))} or more",
+                      "author more most_steps, larger cells, or a larger cfl")
+
+
+def _needs(domain: Any, kind: str, scene: Scene) -> Iterator[tuple[float, str]]:
+    """Steps of a frame that something needs, and that in words, by the same numbers as a run."""
+    cell, fps = domain.cell, scene.fps
+    for path, speed in _speeds(domain, kind, scene):
+        n = speed / fps / (domain.cfl * cell)
+        yield n, f"{path} moves at {speed:g} m/s, which needs {_whole(n)} steps a frame at a CFL number of {domain.cfl:g}"
+    if kind == "Liquid":
+        pull = float(np.abs(np.asarray(scene.gravity)[list(domain.axes)]).max(initial=0.0))
+        n = np.sqrt(np.pi * pull / cell) / WAVE / fps
+        yield n, f"waves of its surface need {_whole(n)} steps a frame"
+        for source in scene.things("LiquidSource"):
+            if source.role == "source" and source.velocity is not None and source.liquid in ("", domain.path):
+                n = float(np.linalg.norm(source.velocity)) / fps / (GIVEN * cell)
+                yield n, f"what {source.path} gives needs {_whole(n)} steps a frame, to cross {GIVEN:g} cells in one"
+
+
+def _whole(steps: float) -> int:
+    return int(np.ceil(steps)) if np.isfinite(steps) else 0
+
+
+def _speeds(domain: Any, kind: str, scene: Scene) -> Iterator[tuple[str, float]]:
+    """Greatest component of the velocity [m/s] of what moves in a domain, as far as it is known before a run."""
+    name, of = SOURCES[kind]
+    for source in scene.things(name):
+        if source.velocity is not None and getattr(source, of) in ("", domain.path):
+            yield source.path, _greatest(source.velocity)
+    for own in ("velocity", "side_velocities"):
+        if getattr(domain, own, None) is not None:
+            yield "its air", _greatest(getattr(domain, own))
+    if kind == "Fluid" and {"open", "wind"} & set(domain.sides):
+        yield "the wind", _greatest(scene.wind)
+    for collider in scene.colliders:
+        if collider.motion.moves:
+            yield collider.path, _passing(collider, domain, scene)
+    for body in scene.things("Body"):
+        place = body.motion.values[0][:3, 3]
+        if ((place >= domain.low) & (place <= domain.high)).all():
+            yield body.path, _greatest(body.velocity)
+
+
+def _greatest(velocity: Any) -> float:
+    return float(np.abs(np.asarray(velocity)).max(initial=0.0))
+
+
+def _passing(collider: Any, domain: Any, scene: Scene) -> float:
+    """Greatest speed [m/s] of a collider within a domain, by its places at the frames; of its rim where it turns."""
+    shape, last = collider.shape, min(max(scene.frames, 1), FRAMES)
+    M = collider.motion.sampled(np.arange(last + 1) / scene.fps)
+    places, turns = M[:, :3, 3], M[:, :3, :3]
+    if isinstance(shape, Surface):
+        ball = float(np.linalg.norm(shape.points, axis=1).max(initial=0.0))
+    else:
+        ball = 0.0 if isinstance(shape, Plane) else row(shape).ball(shape)
+    low, high = np.minimum(places[:-1], places[1:]) - ball, np.maximum(places[:-1], places[1:]) + ball
+    within = isinstance(shape, Plane) | ((low <= domain.high) & (high >= domain.low)).all(axis=1)
+    rim = 0.0 if isinstance(shape, Sphere) else ball * np.linalg.norm(turns[1:] - turns[:-1], axis=(1, 2)) / np.sqrt(2.0)
+    speed = scene.fps * (np.abs(places[1:] - places[:-1]).max(axis=1) + rim)
+    return float(speed[within & np.isfinite(speed)].max(initial=0.0))
 
 
 def cut(domains: list, steps: np.ndarray, more: int) -> list[tuple[tuple, float, str]]:
-    """Notes of the domains (with a world each) whose frame took all steps that it may, `more` times as many if repeated."""
-    found = [(domain, world, n) for (domain, world), n in zip(domains, steps, strict=True)
-             if not domain.steps and n >= more * domain.most_steps]
-    return [(("steps", domain.path, world), float(n), f"{domain.path}: frames took {{worst}} steps, all that most_steps "
-             f"allows, and what flows may cross more than {domain.cfl:g} cells (cfl) in one; give more most_steps, or larger "
-             "cells") for domain, world, n in found]
+    """Notes of the domains (with a world each) whose frame wanted more steps than it may take, `more` times as many if
+    repeated. steps: taken and wanted, of each."""
+    found = [(domain, world, n) for (domain, world), n in zip(domains, steps[1::2], strict=True)
+             if not domain.steps and n > more * domain.most_steps]
+    return [(("steps", domain.path, world), float(n), f"{domain.path}: frames wanted {{worst}} steps at a CFL number of "
+             f"{domain.cfl:g}, and most_steps is {domain.most_steps}: they are coarser; give more most_steps, or larger cells")
+            for domain, world, n in found]
 
 
 def filled(domain: Any, scene: Scene, what: str) -> Iterator[Problem]:

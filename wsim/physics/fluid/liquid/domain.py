@@ -25,15 +25,12 @@ from wsim.physics.fluid.grid.obstacles import Obstacles
 from wsim.physics.fluid.grid.shapes import Shapes
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.liquid.flow import Flow
-from wsim.physics.fluid.liquid.objects import ACROSS, Liquid
+from wsim.physics.fluid.liquid.objects import ACROSS, GIVEN, WAVE, Liquid
 from wsim.physics.fluid.liquid.order import Order
 from wsim.physics.fluid.liquid.surface import Surface
 from wsim.physics.fluid.liquid.volume import Volume
 
 SPREAD = 1e-2            # tolerance of the displacement: what it leaves the next step finds
-WAVE = 0.5               # [rad] of the shortest wave of the surface in a step: pressure is of the surface as the step began, so
-                         # that at 1.3 noise grows 4 times a step, at 0.6 slowly, and at 0.33 it dies out
-GIVEN = 0.5              # cells that what a source gives may cross in a step
 HOLES = 3                # cells that a hole beside a body may be wide
 MARGIN = 2               # layers of faces beyond those that a particle may cross
 THREADS = 1 << 14        # that look for the fastest particle

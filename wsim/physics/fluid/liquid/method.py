@@ -26,7 +26,7 @@ FIELDS = (Field("x", "m", True, "from the low corner, along the axes of the grid
 AFFINE = Field("C", "1/s", True, "rows: gradient of each component of v", "mat33")
 ID = Field("id", "1", True, "stays with a particle; below 0: there is none", "int")
 NUMBERS = Field("numbers", "1", True, "rows that are used, the next id", "int")
-WORDS = {"solves": 2, "missed": 1, "steps": 1, "room": 1, "volume": 2}
+WORDS = {"solves": 2, "missed": 1, "steps": 2, "room": 1, "volume": 2}
 REFUSED = "liquid: refused"
 SPARE = 1 << 13          # rows more than particles at the start, where there are sources; a frame that lacks some is repeated
 
@@ -205,7 +205,7 @@ class Liquids(Method):
                 for name, value in measures(domain.liquid, self.particles(k), self.gravity[0], volume).items():
                     found[name] = max(found.get(name, 0.0), value) if name == "liquid_speed" else found.get(name, 0.0) + value
         said = {name: self.status.said(f"liquid: {name}") for name in WORDS}
-        return found | {"liquid_iterations": float(said["solves"][1::2].max()), "liquid_steps": float(said["steps"].max())}
+        return found | {"liquid_iterations": float(said["solves"][1::2].max()), "liquid_steps": float(said["steps"][::2].max())}
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         if path == "/" and name == "gravity":

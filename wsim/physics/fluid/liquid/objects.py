@@ -18,6 +18,9 @@ KINDS = ("open", "closed", "periodic")                     # of sides
 TRANSFERS = ("apic", "flip", "pic")
 ROLES = ("start", "source", "sink")
 ACROSS = 2                                                 # particles of a full cell along each axis
+WAVE = 0.5               # [rad] of the shortest wave of the surface in a step: pressure is of the surface as the step began, so
+                         # that at 1.3 noise grows 4 times a step, at 0.6 slowly, and at 0.33 it dies out
+GIVEN = 0.5              # cells that what a source gives may cross in a step
 
 
 @dataclass(eq=False)
