@@ -59,8 +59,8 @@ def fastest(dim: int, real, module):
 
 @cache
 def begin(real, module):
-    """Kernel of one thread: the clock of a frame. way: what a step may cross [m]; the count is kept in least .. most. steps: that
-    count, and what the speed alone wants."""
+    """Kernel of one thread: the clock of a frame. way: what a step may cross [m]; the count is kept in least .. most. steps:
+    that count, and what the speed alone wants."""
 
     def begin(speed: wp.array(dtype=real), frame: real, way: real, least: int, most: int, clock_out: wp.array(dtype=real),
               going_out: wp.array(dtype=int), steps_out: wp.array(dtype=int)):

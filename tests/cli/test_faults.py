@@ -63,6 +63,33 @@ MASS = ', "PhysicsMassAPI"'
 
 
 
+ONE = "( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )"
+
+
+def rig(joints="0, 0, 0, 0", weights="1, 1, 1, 1", names='"Root"', api='(prepend apiSchemas = ["SkelBindingAPI"])') -> str:
+    """A quad that a skeleton of one joint moves, above a cloth."""
+    influence = ' (\nelementSize = 1\ninterpolation = "vertex"\n)'
+    return (f'def SkelRoot "Char" {{ def Skeleton "Skel" {api} {{ uniform token[] joints = [{names}]; uniform matrix4d[] bindTransforms = [{ONE}]; '
+            f'uniform matrix4d[] restTransforms = [{ONE}]; rel skel:animationSource = </Char/Skel/Anim>; def SkelAnimation "Anim" {{ uniform token[] '
+            'joints = ["Root"]; float3[] translations = [(0, 0, 0)]; quatf[] rotations = [(1, 0, 0, 0)]; half3[] scales = [(1, 1, 1)] } }; '
+            'def Mesh "Skin" (prepend apiSchemas = ["SkelBindingAPI", "PhysicsCollisionAPI"]) { int[] faceVertexCounts = [4]; '
+            'int[] faceVertexIndices = [0, 1, 2, 3]; point3f[] points = [(0, 0, 0.2), (1, 0, 0.2), (1, 1, 0.2), (0, 1, 0.2)]; rel skel:skeleton = '
+            f'</Char/Skel>; int[] primvars:skel:jointIndices = [{joints}]{influence}; float[] primvars:skel:jointWeights = [{weights}]{influence} }}; }}'
+            '\n' + cloth())
+
+
+def hull(indices: str) -> str:
+    return ('def Mesh "Rock" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsCollisionAPI", "PhysicsMeshCollisionAPI"]) { uniform token '
+            f'physics:approximation = "convexHull"; int[] faceVertexCounts = [3, 3, 3, 3]; int[] faceVertexIndices = [{indices}]; point3f[] points = '
+            '[(0, 0, 1), (1, 0, 1), (0, 1, 1), (0, 0, 2)] }' + GROUND)
+
+
+def keyed(op: str, kind: str, samples: str, order: str) -> str:
+    """An obstacle whose transform has keys, beside a box on the ground."""
+    return (f'def Cube "Mover" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {{ double size = 0.5; {kind} xformOp:{op}.timeSamples = {samples}; '
+            f'uniform token[] xformOpOrder = [{order}] }}' + box(at="3, 0, 0.5") + GROUND)
+
+
 def passing(speed: float, height: float = 0.0) -> str:
     """A ball that passes through the air, or above it."""
     return (f'def Sphere "Fast" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {{ double radius = 0.1; double3 xformOp:translate.timeSamples '
@@ -138,6 +165,35 @@ FAULTS = {
     "solver is unknown": (box() + GROUND + settings('uniform token wsim:solver = "magic"', '"WsimSceneAPI"'), "/", "solver is 'magic'", "choose one of them"),
     "gravity is NaN": (box() + GROUND + settings("vector3f physics:gravityDirection = (nan, 0, 0)"), "/Scene",
                        "gravityDirection is (nan", "three finite numbers"),
+    "smoke is negative": (AIR.replace("smoke = 1", "smoke = -1"), "/Smoke", "smoke is -1", "author another smoke"),
+    "five sides": (air('uniform token[] wsim:fluid:sides = ["open", "open", "open", "open", "open"]'), "/Air", "has 5 entries", "author 6"),
+    "role is unknown": (WATER.replace("    double size = 0.5", '    double size = 0.5\n    uniform token wsim:liquid:role = "tap"'), "/Pool",
+                        "role is 'tap'", "choose one of them"),
+    "hull of nothing": (hull("0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 9"), "/Rock", "first: point 9 in face 3", "allowed is 0 to 3"),
+    "drive type": (joint(apis='"PhysicsDriveAPI:angular"', more='uniform token drive:angular:physics:type = "speed"'), "/Joint",
+                   "physics:type is 'speed', and taken as force", "choose one"),
+    "animation unused": (rig(api=""), "/Char/Skel", "has no SkelBindingAPI", "apply SkelBindingAPI"),
+    "joint of nothing": (rig(joints="0, 0, 7, 0"), "/Char/Skin", "jointIndices[2] is 7; allowed are 0 to 0", "author it again"),
+    "weights are few": (rig(weights="1, 1, 1"), "/Char/Skin", "jointWeights has 3 values; allowed are 4", "author as many"),
+    "bind transforms are few": (rig(names='"Root", "Root/Arm"'), "/Char/Skel", "has 2 joints and 0 bind transforms", "one a joint"),
+    "thicknesses of what": (rods('float[] physics:thicknesses = [0.001, 0.001]; uniform token physics:thicknesses:elementType = "point"'),
+                            "/Hair", "has 2 values of elementType 'point'", "3 for 'point'"),
+    "not in the order": (keyed("translate", "double3", "{0: (0, 0, 9), 2: (1, 0, 9)}", ""), "/Mover", "xformOp:translate is not in xformOpOrder",
+                         "add it there"),
+    "only in the order": (keyed("translate", "double3", "{0: (0, 0, 9), 2: (1, 0, 9)}", '"xformOp:translate", "xformOp:rotateX"'), "/Mover",
+                          "names xformOp:rotateX, which is not authored", "take its name out"),
+    "quaternion of 0": (keyed("orient", "quatf", "{0: (1, 0, 0, 0), 2: (0, 0, 0, 0)}", '"xformOp:orient"'), "/Mover",
+                        "a quaternion of length 0 at time code 2", "divide it by its length"),
+    "key is NaN": (keyed("translate", "double3", "{0: (0, 0, 9), 2: (nan, 0, 9)}", '"xformOp:translate"'), "/Mover", "holds NaN or infinity",
+                   "author its xformOps again"),
+    "material is gone": (box(apis=', "MaterialBindingAPI"', more="rel material:binding:physics = </Gone>") + GROUND, "/Box",
+                         "names /Gone, which is no prim", "name a Material"),
+    "material's density": (box(apis=', "MaterialBindingAPI"', more="rel material:binding = </Lead>") + GROUND + 'def Material "Lead" '
+                           '(prepend apiSchemas = ["PhysicsMaterialAPI"]) { float physics:density = -5 }', "/Lead", "physics:density is -5",
+                           "author another density"),
+    "owner is gone": (box(more="rel physics:simulationOwner = </Gone>") + GROUND, "/Box", "simulationOwner names /Gone", "name one"),
+    "file is gone": (box() + GROUND + 'def Xform "Set" (prepend references = @./gone.usda@) { double x = 1 }', "/Set", "Could not open asset",
+                     "add what is missing"),
 }
 VALID = {
     "box": box() + GROUND, "touching": box("A") + box("B", "1, 0, 0.5") + GROUND, "shallow": box(at="0, 0, 0.46") + GROUND,
@@ -170,6 +226,8 @@ VALID = {
         "[\"xformOp:translate\"]\n", 1).replace('double radius = 0.2', "double radius = 0.2\n    double3 xformOp:translate = "
         "(2, 0, 0)\n    uniform token[] xformOpOrder = [\"xformOp:translate\"]"),
     "instances": instances(), "ids": instances(more="int64[] ids = [3, 1, 2]"), "air and volume": AIR + 'def Volume "Air_volume" {}\n',
+    "rig": rig(), "hull": hull("0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2"), "mover": keyed(
+        "translate", "double3", "{0: (0, 0, 9), 2: (1, 0, 9)}", '"xformOp:translate"'),
     "box and cloth": box("Box", "3, 0, 0.5") + cloth(),
 }
 

@@ -118,8 +118,7 @@ def over_time(value) -> Curve:
 
 @dataclass(eq=False)
 class Varying(Compared):
-    """A live value that varies in time: keys of a curve, linear between them. A frame has the value at its middle
-    (`wsim.simulation.varying`).
+    """A live value that varies in time, linear between keys. A frame has the one at its middle (`wsim.simulation.varying`).
 
     path        prim path of a body or collider; "/": the whole scene
     name        as `Simulation.set` takes it: gravity, wind, stretch, young ... (`wsim.scene.values.table`)
@@ -201,8 +200,7 @@ class Scene(Compared):
     def add(self, thing):
         """Adds an object of a method that has no list of its own here. Raises SceneError where no method owns its class."""
         from wsim.scene.methods import METHODS, owner
-        name = type(thing).__name__
-        if owner(name) is None:
+        if owner(name := type(thing).__name__) is None:
             said = f"is a {name}, which no method simulates; there are: {', '.join(n for row in METHODS for n in row.owns)}"
             raise SceneError(Problem(getattr(thing, "path", "/"), said))
         self.others.setdefault(name, []).append(thing)
@@ -248,8 +246,8 @@ class Scene(Compared):
 
     def tie(self, path: str, body, points, other, others) -> Tie:
         """Adds a tie: points (indices) of a body become points of a soft body, the first the first of `others`, and so on."""
-        names = (b if isinstance(b, str) else b.path for b in (body, other))
-        self.ties.append(Tie(path, next(names), points, next(names), others))
+        one, two = (b if isinstance(b, str) else b.path for b in (body, other))
+        self.ties.append(Tie(path, one, points, two, others))
         return self.ties[-1]
 
     def force(self, path: str, body, points, force, weights=None) -> Load:
@@ -281,12 +279,14 @@ class Problem:
     path        prim path, or the file or option that is at fault
     text        what was found, what is allowed and the cure, in one line
     fatal       True: the scene cannot be simulated; False: a warning (overlap: of things that overlap where the run starts)
+    lacks       True: something is not there, which is not said where something could not be read
     """
 
     path: str
     text: str
     fatal: bool = True
     overlap: bool = False
+    lacks: bool = False
 
     def __str__(self) -> str:
         return f"{'error' if self.fatal else 'warning'}: {self.path}: {self.text}".replace("\n", "\\n")

@@ -22,7 +22,7 @@ from wsim.usd.prims.numbers import refuse_numbers, refuse_types
 from wsim.usd.prims.pins import is_followed, is_tie, load_painted, load_pin, load_tie
 from wsim.usd.prims.springs import load_springs
 from wsim.usd.settings import frames_of, load_settings, note_range, refuse_units
-from wsim.usd.spelling import spelling
+from wsim.usd.spelling import spelling, targets
 from wsim.usd.stage import Reading, Units, applied, open_stage, quiet, reason, source_of
 
 SIMULATED = (names.SURFACE_SIM, names.CURVES_SIM, names.VOLUME_SIM, names.WSIM_SPRINGS)
@@ -166,6 +166,7 @@ def _walk(reading: Reading) -> Prims:
         if row := claimant((*apis, str(kind))):
             found.others.append((row, prim))
         spelling(reading, prim)
+        targets(reading, prim)
         if kind == "PointInstancer":
             prims.PruneChildren()
         elif kind == names.PHYSICS_SCENE:
@@ -273,7 +274,7 @@ def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
     fatal = [problem for problem in reading.problems if problem.fatal]
     if scene.bodies() or moving(scene):
         note_range(reading)
-        fatal += [problem for problem in check(scene) if problem.fatal]
+        fatal += [problem for problem in check(scene) if problem.fatal and not (fatal and problem.lacks)]
         fatal += refuse_numbers(reading, {problem.path for problem in fatal})
     elif not fatal:                               # the notes say why: a reference without a file, a body left out
         from wsim.usd.new.hints import nothing

@@ -1,10 +1,11 @@
 """Names on a stage that nobody reads: misspelt, of an older or foreign revision, or on a prim where they mean nothing. A name
-that is not read does nothing, so each is a warning with the name that was probably meant.
+that is not read does nothing, so each is a warning with the name that was probably meant. Likewise words that their schema does
+not know, and targets that are not there.
 """
 
 from difflib import get_close_matches
 
-from pxr import Usd
+from pxr import Usd, UsdShade
 
 from wsim.usd import names
 from wsim.usd.load_varying import CURVES, sampled
@@ -41,6 +42,7 @@ def _places() -> dict[str, set[str]]:
 
 
 READ = _places()
+BINDINGS, OWNER = ("material:binding:physics", "material:binding"), "physics:simulationOwner"
 OF_JOINTS = ("physics:", "drive:", "limit:")
 PHYSICS = {entry.attribute for entry in TABLE if entry.attribute.startswith("physics:")} | set(UNREAD)
 
@@ -61,9 +63,19 @@ def spelling(reading: Reading, prim: Usd.Prim) -> None:
             _wsim(reading, prim, name, is_)
         elif name.startswith("physics:") and is_ & DEFORMABLE and name not in PHYSICS:
             _physics(reading, prim, name)
+        elif name.startswith("drive:") and name.endswith(":physics:type") or name == "orientation":
+            _token(reading, prim, name)
         known = name in READ or name in PHYSICS or kind.endswith("Joint") and name.startswith(OF_JOINTS)
         if known and name not in CURVES and sampled(prim.GetAttribute(name)):
             reading.sampled.append(prim.GetAttribute(name).GetPath())
+
+
+def _token(reading: Reading, prim: Usd.Prim, name: str) -> None:
+    """A word that its schema does not know, which is read as its default."""
+    allowed = prim.GetPrimDefinition().GetPropertyMetadata(name, "allowedTokens") or ()
+    if allowed and (value := prim.GetAttribute(name).Get(reading.start)) not in allowed:
+        reading.warn(prim.GetPath(), f"{name} is {value!r}, and taken as {allowed[0]}; allowed is {' or '.join(allowed)}: "
+                     "choose one")
 
 
 def _schema(reading: Reading, prim: Usd.Prim, name: str) -> None:
@@ -107,3 +119,26 @@ def _physics(reading: Reading, prim: Usd.Prim, name: str) -> None:
     close = get_close_matches(name, PHYSICS, 1, 0.8)
     reading.warn(prim.GetPath(), f"{name} is no name that wsim reads here, and does nothing"
                  + (f"; did you mean {close[0]}?" if close else ""))
+
+
+def targets(reading: Reading, prim: Usd.Prim) -> None:
+    """Warns of a material and of a scene that a prim names for its physics, and that are none."""
+    if not any(api.startswith(("Physics", "Wsim")) for api in applied(prim)):
+        return
+    for name in BINDINGS:
+        for target in _targets(prim, name):
+            found = reading.stage.GetPrimAtPath(target)
+            if not UsdShade.Material(found):
+                what = f"is a {found.GetTypeName() or 'prim without a type'}, and no Material" if found else "is no prim"
+                reading.warn(prim.GetPath(), f"{name} names {target}, which {what}: defaults count; name a Material, or take "
+                             "it out")
+            return
+    for target in _targets(prim, OWNER):
+        found = reading.stage.GetPrimAtPath(target)
+        if not found or found.GetTypeName() != names.PHYSICS_SCENE:
+            reading.warn(prim.GetPath(), f"{OWNER} names {target}, which is no {names.PHYSICS_SCENE}; name one, or take it out")
+
+
+def _targets(prim: Usd.Prim, name: str) -> list:
+    relationship = prim.GetRelationship(name)
+    return relationship.GetForwardedTargets() if relationship else []

@@ -79,13 +79,15 @@ def _skeleton(reading: Reading, prim: Usd.Prim, query: UsdSkel.SkeletonQuery) ->
             frames[k][:3, :3] = R
             stretches.append(S)
     except ValueError as error:
-        reading.fail(path, f"{error}; give it scales other than zero")
+        reading.fail(path, str(error))
         return None
     if np.abs(np.array(stretches) - stretches[0]).max() > SAME * np.abs(stretches[0]).max():
         return None
-    if _lost(prim, query):
-        reading.fail(path, f"names {_lost(prim, query)} as its animation, which is no SkelAnimation that can be read (is a "
-                     "payload or reference missing?); name one, or leave skel:animationSource out for the rest pose")
+    if lost := _lost(prim, query):
+        unused = UsdSkel.Animation(reading.stage.GetPrimAtPath(lost)) and not prim.HasAPI(UsdSkel.BindingAPI)
+        why = ("and has no SkelBindingAPI, without which USD passes it over; apply SkelBindingAPI" if unused else "which is no "
+               "SkelAnimation that can be read (is a payload or reference missing?); name one")
+        reading.fail(path, f"names {lost} as its animation, {why}, or leave skel:animationSource out for the rest pose")
         return None
     n = len(query.GetJointOrder())
     bind = _metres(query.GetJointWorldBindTransforms(), units.metres) if query.HasBindPose() else None

@@ -157,13 +157,15 @@ def _source(source: Source, scene: Scene) -> Iterator[Problem]:
                 yield from number(path, name, float(v), 0.0, name not in row(source.shape).vanishing)
     if source.velocity is not None and not np.isfinite(source.velocity).all():
         yield error(path, "velocity holds NaN or infinity", "finite numbers", "author another velocity")
+    yield from number(path, "smoke", source.smoke, 0.0)
     if not np.isfinite(source.strength.values).all():
         yield error(path, "strength holds NaN or infinity", "finite numbers", "author another strength")
     if source.fluid and source.fluid not in [f.path for f in fluids]:
         yield error(path, f"it is a source of '{source.fluid}', which is no fluid here",
-                    ", ".join(f.path for f in fluids) or "none, the scene has no fluid", "name one of them, or none for all")
+                    ", ".join(f.path for f in fluids) or "none, the scene has no fluid", "name one of them, or none for all",
+                    lacks=True)
     elif not fluids:
-        yield error(path, "it is a source, and there is no fluid", "a fluid", "add a Fluid")
+        yield error(path, "it is a source, and there is no fluid", "a fluid", "add a Fluid", lacks=True)
     elif not any(_meets(source, f) for f in fluids if source.fluid in ("", f.path)):
         yield warning(path, "it is outside of its fluids at the start, and stays there", "a place within one",
                       "move it, or enlarge the fluid's box")

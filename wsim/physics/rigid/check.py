@@ -162,7 +162,7 @@ def _mass(body: Body) -> Iterator[Problem]:
     found = inertia(body)
     if not found.mass > 0.0:
         yield error(path, "has no mass: none is given, and its colliders enclose no volume", "a mass > 0",
-                    "author physics:mass and physics:diagonalInertia, or give it a collider that is closed")
+                    "author physics:mass and physics:diagonalInertia, or give it a collider that is closed", lacks=True)
         return
     moments = found.moments
     said = f"moments of inertia are {_words(moments)} kg m^2"

@@ -86,16 +86,18 @@ def _of_points(reading: Reading, prim: Usd.Prim, field: str, counts: np.ndarray,
     if not (np.isfinite(values) & (values > 0)).all():
         reading.fail(prim.GetPath(), f"{name} holds {values.min():g}; allowed are finite numbers > 0")
         return np.array([fallback])
-    if len(values) in (1, n):
-        return values
-    if len(values) == len(counts):
+    sizes = {"constant": 1, "point": n, "curve": len(counts), "segment": n - len(counts)}
+    kind = prim.GetAttribute(f"{name}:elementType").Get() or next((k for k, m in sizes.items() if m == len(values)), "")
+    if sizes.get(kind) != len(values):
+        of = f" of elementType {kind!r}" if kind else ""
+        reading.fail(prim.GetPath(), f"{name} has {len(values)} values{of}; allowed is "
+                     + ", ".join(f"{m} for {k!r}" for k, m in sizes.items()) + ": author it again")
+        return np.array([fallback])
+    if kind == "curve":
         return np.repeat(values, counts)
-    if len(values) == n - len(counts):                       # of segments: a point has the mean of its own
-        total, number = _to_points(values, counts), _to_points(np.ones(len(values)), counts)
-        return total / number
-    reading.fail(prim.GetPath(), f"{name} has {len(values)} values; allowed is 1, {len(counts)} (curves), {n - len(counts)} "
-                 f"(segments) or {n} (points)")
-    return np.array([fallback])
+    if kind == "segment":                                    # a point has the mean of its own
+        return _to_points(values, counts) / _to_points(np.ones(len(values)), counts)
+    return values
 
 
 def _to_points(values: np.ndarray, counts: np.ndarray) -> np.ndarray:

@@ -27,8 +27,8 @@ NEAR = 1e-6                 # of a size: what float32 and decimals round
 RIGID = 1e-4                # departure of M^T M from the identity that transforms kept as float32 reach
 
 
-def error(path: str, found: str, allowed: str, mend: str) -> Problem:
-    return Problem(path, f"{found}; allowed: {allowed}; mend: {mend}")
+def error(path: str, found: str, allowed: str, mend: str, lacks: bool = False) -> Problem:
+    return Problem(path, f"{found}; allowed: {allowed}; mend: {mend}", lacks=lacks)
 
 
 def warning(path: str, found: str, expected: str, mend: str, overlap: bool = False) -> Problem:

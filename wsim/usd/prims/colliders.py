@@ -66,7 +66,7 @@ def load_shape(reading: Reading, prim: Usd.Prim) -> tuple[Shape, Motion] | None:
     try:
         place, S = _rigid(authored, TURN[_axis(prim)] if sizes else TURN["Z"], sizes)
     except ValueError as error:
-        reading.fail(path, f"{error}; give it scales other than zero")
+        reading.fail(path, str(error))
         return None
     shape = _mesh(reading, prim, place, S) if sizes is None else _shape(reading, path, sizes, place, S)
     if isinstance(shape, Surface) and hasattr(shape.poses, "skeleton"):
@@ -128,7 +128,7 @@ def _plane_frames(place: Placement, turned: list[int]) -> Placement:
             continue
         normal = np.cross(L[:, 0], L[:, 1])
         if not np.linalg.norm(normal) > 0:
-            raise ValueError("its transform flattens it (a scale is zero)")
+            raise ValueError("its transform flattens it (a scale is zero); give it scales other than zero")
         z = normal / np.linalg.norm(normal) * (1.0 if normal @ L[:, 2] >= 0 else -1.0)
         x = L[:, 0] / np.linalg.norm(L[:, 0])
         frames[k][:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)

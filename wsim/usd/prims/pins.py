@@ -122,7 +122,7 @@ def _hang(reading: Reading, prim: Usd.Prim, pin: Pin, target: str) -> bool:
             frames[k][:3, :3] = R
             stretches.append(S)
     except ValueError as error:
-        reading.fail(target, f"{error}; give it scales other than zero")
+        reading.fail(target, str(error))
         return False
     S = np.array(stretches)
     if np.abs(S - S[0]).max() > 1e-6 * np.abs(S).max():

@@ -86,10 +86,27 @@ def poses(reading: Reading, prim: Usd.Prim) -> Any:
     codes = sorted({*(start + np.arange(reading.frames + 1)).tolist(), *(c for c in samples if start < c < end)})
     values = [_skinned(bound, code) for code in codes]
     if any(v is None or not np.all(np.isfinite(v)) for v in values):
-        reading.fail(prim.GetPath(), f"cannot be skinned by {bound.prim.GetPath()} at all of its frames; author "
-                     "joints, indices and weights that belong together, and finite transforms")
+        role("Skeleton", "usd").sound(reading, bound)
+        if not any(problem.fatal for problem in reading.problems[before:]):
+            reading.fail(prim.GetPath(), _unfit(bound) or f"cannot be skinned by {bound.prim.GetPath()} at all of its frames; "
+                         "author joints, indices and weights that belong together, and finite transforms")
         return None
     return Curve(reading.units.time(np.array(codes)), np.array(values) * reading.units.metres)
+
+
+def _unfit(bound: Bound) -> str:
+    """What of a mesh does not fit its skeleton, what is allowed and the fix; "" where that is not known."""
+    query, points = bound.query, UsdGeom.PointBased(bound.query.GetPrim()).GetPointsAttr().Get()
+    each, joints = query.GetNumInfluencesPerComponent(), len(query.GetJointOrder() or bound.skeleton.GetJointOrder())
+    wanted = each * (1 if query.IsRigidlyDeformed() else len(points or ()))
+    for primvar in (query.GetJointIndicesPrimvar(), query.GetJointWeightsPrimvar()):
+        values, name = np.array(primvar.ComputeFlattened() or ()), primvar.GetAttr().GetName()
+        if len(values) != wanted:
+            return f"{name} has {len(values)} values; allowed are {wanted}, {each} a point: author as many"
+        if name.endswith("Indices") and len(bad := np.flatnonzero((values < 0) | (values >= joints))):
+            return (f"{name}[{bad[0]}] is {values[bad[0]]}; allowed are 0 to {joints - 1}, the joints of "
+                    f"{bound.prim.GetPath()}: author it again")
+    return ""
 
 
 def _followed(reading: Reading, bound: Bound, prim: Usd.Prim):

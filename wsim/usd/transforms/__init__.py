@@ -25,6 +25,7 @@ from wsim.usd.attributes import author_times, read_times
 from wsim.usd.stage import Reading, Units
 from wsim.usd.transforms.curves import note_kind, read_kind
 from wsim.usd.transforms.matrix import row_matrix
+from wsim.usd.transforms.operations import operations
 from wsim.usd.transforms.splines import splined
 
 MATRIX_OP = "xformOp:transform"
@@ -67,6 +68,8 @@ class Placement:
 def placement(reading: Reading, prim: Usd.Prim) -> Placement:
     """Motion of a prim, at its keys. Raises SceneError where an op of it, or of one above, is of another type than its name."""
     try:
+        for xformable in _chain(prim):
+            operations(reading, xformable.GetPrim())
         exact = _noted(reading, prim)
         if exact is not None:
             return exact
@@ -211,8 +214,10 @@ def split(linear: np.ndarray, mirror: int = 0) -> tuple[np.ndarray, np.ndarray]:
     if np.abs(gram - np.eye(3)).max() < RIGID and np.linalg.det(linear) > 0:
         return linear, np.eye(3)
     lengths = np.sqrt(np.diag(gram))
-    if not np.all(np.isfinite(linear)) or abs(np.linalg.det(linear)) <= 1e-12 * lengths.max() ** 3:
-        raise ValueError("its transform flattens it (a scale is zero or not finite)")
+    if not np.all(np.isfinite(linear)):
+        raise ValueError("its transform holds NaN or infinity; author its xformOps again")
+    if abs(np.linalg.det(linear)) <= 1e-12 * lengths.max() ** 3:
+        raise ValueError("its transform flattens it (a scale is zero); give it scales other than zero")
     if np.abs(gram - np.diag(np.diag(gram))).max() > 1e-6 * lengths.max() ** 2:
         return polar(linear)
     R = linear / lengths

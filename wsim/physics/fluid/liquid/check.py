@@ -7,7 +7,6 @@ import numpy as np
 from wsim.physics.fluid import start
 from wsim.physics.fluid.check import LEAST, LONG
 from wsim.physics.fluid.liquid.objects import KINDS, ROLES, TRANSFERS, Liquid, LiquidSource
-from wsim.physics.fluid.liquid.seeds import filling
 from wsim.physics.fluid.objects import SIDES
 from wsim.scene import Plane, Problem, Scene, Springs, Surface
 from wsim.scene.check.objects import count, error, number, rigid, warning
@@ -62,10 +61,10 @@ def _cells(liquid: Liquid) -> Iterator[Problem]:
 
 def _filled(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
     """Whether anything puts liquid into it."""
-    give = filling(liquid, scene) + filling(liquid, scene, "source")
+    give = [s for s in scene.things("LiquidSource") if s.role != "sink" and s.liquid in ("", liquid.path)]
     if not give:
         yield error(liquid.path, "nothing fills it: no LiquidSource of role start or source is of it", "one or more",
-                    "author WsimLiquidSourceAPI on a shape within its box, or add a LiquidSource")
+                    "author WsimLiquidSourceAPI on a shape within its box, or add a LiquidSource", lacks=True)
     elif not any(_meets(source, liquid) for source in give):
         yield error(liquid.path, f"what fills it is outside of it: {', '.join(s.path for s in give)}", "shapes within its box",
                     "move them, or enlarge the box")
@@ -103,9 +102,10 @@ def _source(source: LiquidSource, scene: Scene) -> Iterator[Problem]:
         yield error(path, "strength holds NaN or infinity", "finite numbers", "author another strength")
     if source.liquid and source.liquid not in [x.path for x in liquids]:
         yield error(path, f"it is of '{source.liquid}', which is no liquid here",
-                    ", ".join(x.path for x in liquids) or "none, the scene has no liquid", "name one of them, or none for all")
+                    ", ".join(x.path for x in liquids) or "none, the scene has no liquid", "name one of them, or none for all",
+                    lacks=True)
     elif not liquids:
-        yield error(path, "it is a source of liquid, and there is no liquid", "a liquid", "add a Liquid")
+        yield error(path, "it is a source of liquid, and there is no liquid", "a liquid", "add a Liquid", lacks=True)
     elif not any(_meets(source, x) for x in liquids if source.liquid in ("", x.path)):
         yield warning(path, "it is outside of its liquids, and stays there", "a place within one",
                       "move it, or enlarge the box")

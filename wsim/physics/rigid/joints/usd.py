@@ -124,7 +124,7 @@ def _side(reading: Reading, api: UsdPhysics.Joint, k: int, target, body) -> dict
     try:
         parts = [split(linear) for linear in place.linear]
     except ValueError as error:
-        reading.fail(target.GetPath(), f"{error}; give it scales other than zero")
+        reading.fail(target.GetPath(), str(error))
         return {"at": None}
     frames = place.frame.copy()
     frames[:, :3, :3] = [R for R, _ in parts]

@@ -24,7 +24,6 @@ from wsim.usd.transforms import author_motion, placement, split
 
 OWN = ("force", "torque", "drag", "spin_drag")           # of WsimRigidBodyAPI
 LEAF = "collider"
-UNIT = 1e-2                                              # departure of |q| from 1 that quath keeps, tenfold
 
 
 def within(reading: Reading, prim: Usd.Prim) -> list[Sdf.Path]:
@@ -73,14 +72,13 @@ def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
         reading.fail(path, "is a rigid body in an instance, whose contents cannot be written over; author instanceable = false "
                      "on the instance")
         return None
-    _turned(reading, prim)
     place = placement(reading, prim)
     if len(place.times) > 1:
         reading.warn(path, "is animated and a dynamic rigid body: it starts where the animation does and then moves by forces")
     try:
         R, S = split(place.linear[0])
     except ValueError as error:
-        reading.fail(path, f"{error}; give it scales other than zero")
+        reading.fail(path, str(error))
         return None
     M = place.frame[0].copy()
     M[:3, :3] = R
@@ -91,14 +89,6 @@ def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
     stretch = None if np.array_equal(S, np.eye(3)) else S
     return Body(path, colliders, Motion.still(M), velocity, spin, asleep=asleep, stretch=stretch,
                 **mass_properties(reading, prim, colliders), **own)
-
-
-def _turned(reading: Reading, prim: Usd.Prim) -> None:
-    for op in UsdGeom.Xformable(prim).GetOrderedXformOps():
-        q = op.Get(reading.start) if op.GetOpType() == UsdGeom.XformOp.TypeOrient else None
-        if q is not None and not abs(q.GetLength() - 1.0) < UNIT:
-            reading.fail(prim.GetPath(), f"{op.GetName()} is a quaternion of length {q.GetLength():g}, of which USD makes a "
-                         "wrong rotation; allowed: a unit quaternion; mend: divide it by its length")
 
 
 def _own(reading: Reading, prim: Usd.Prim, M: np.ndarray) -> Collider | None:

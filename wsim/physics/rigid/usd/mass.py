@@ -102,6 +102,10 @@ def _material_density(reading: Reading, prim: Usd.Prim) -> float | None:
     if not material or names.MATERIAL not in applied(material):
         return None
     density = UsdPhysics.MaterialAPI(material).GetDensityAttr().Get(reading.start) or 0.0
+    if not 0.0 <= density < np.inf:
+        reading.fail(material.GetPath(), f"physics:density is {density:g}; allowed: a finite number > 0, or 0 for none; mend: "
+                     "author another density")
+        return None
     return density * reading.units.factor("kg/m^3") or None
 
 

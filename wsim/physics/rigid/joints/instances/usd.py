@@ -126,7 +126,7 @@ def _instance(reading: Reading, prim: Usd.Prim, proto: Usd.Prim, body: Body, k: 
     try:
         R, S = split(M[:3, :3])
     except ValueError as error:
-        reading.fail(path, f"instance {k}: {error}; give it scales other than zero")
+        reading.fail(path, f"instance {k}: {error}")
         return None
     own = np.eye(3) if body.stretch is None else body.stretch
     ratio = S @ np.linalg.inv(own)
