@@ -73,7 +73,7 @@ def rig(joints="0, 0, 0, 0", weights="1, 1, 1, 1", names='"Root"', api='(prepend
             f'uniform matrix4d[] restTransforms = [{ONE}]; rel skel:animationSource = </Char/Skel/Anim>; def SkelAnimation "Anim" {{ uniform token[] '
             'joints = ["Root"]; float3[] translations = [(0, 0, 0)]; quatf[] rotations = [(1, 0, 0, 0)]; half3[] scales = [(1, 1, 1)] } }; '
             'def Mesh "Skin" (prepend apiSchemas = ["SkelBindingAPI", "PhysicsCollisionAPI"]) { int[] faceVertexCounts = [4]; '
-            'int[] faceVertexIndices = [0, 1, 2, 3]; point3f[] points = [(0, 0, 0.2), (1, 0, 0.2), (1, 1, 0.2), (0, 1, 0.2)]; rel skel:skeleton = '
+            'int[] faceVertexIndices = [0, 1, 2, 3]; point3f[] points = [(-2, -2, 0.2), (3, -2, 0.2), (3, 3, 0.2), (-2, 3, 0.2)]; rel skel:skeleton = '
             f'</Char/Skel>; int[] primvars:skel:jointIndices = [{joints}]{influence}; float[] primvars:skel:jointWeights = [{weights}]{influence} }}; }}'
             '\n' + cloth())
 
