@@ -259,6 +259,7 @@ def test_points_that_start_in_a_collider_are_to_be_moved_apart():
     sim.run(2)
     (said,) = gained(sim)
     assert "/sheet gained energy" in said and said.endswith("if shapes overlap where the run starts, move them apart")
+    assert 'or solver "implicit"' in said
 
 
 def test_a_restart_goes_on_with_the_raised_substeps_to_the_bit():

@@ -170,12 +170,14 @@ class Balance(Method):
         path = max(each, key=lambda name: each[name]) + f" (world {world})" * (self.model.worlds > 1)
         most = float(self.part.arrays["balance_most"].numpy()[world])
         gained, more = found["gained"], "substeps or iterations" if self.iterates else "substeps"
+        other = ', or solver "implicit" if sweeps do not settle' * (self.terms.solver == "xpbd")
         if (said == 2).any():
             return [(("speeds",), most, f"{path} is faster than what moves it can make it; give it more {more} (now "
                      f"{self.clock.steps} substeps)")]
         if gained >= self.worst[0]:
             self.worst = gained, (f"{path} gained energy that nothing gave it, {{worst}} J where the largest kinetic energy so "
-                                  f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps){self.at_start}")
+                                  f"far is {most:.3g} J; give it more {more} (now {self.clock.steps} substeps){other}"
+                                  f"{self.at_start}")
         return [(("energy",), gained, self.worst[1])]
 
     def report(self) -> dict[str, Any]:
