@@ -114,11 +114,11 @@ def apart(found, scene: Scene) -> tuple[float, float]:
 
 def test_a_soft_and_a_stiff_half_are_found_from_one_bent_shape(bent):
     """63 points to 0.1 mm, 120 tets, a start between the two: 4 times as stiff beyond a sharp edge, by total variation. What a
-    tet near the free end is worth is not seen: it is as its neighbours are."""
+    tet near the free end is worth is not seen: it is as its neighbours are. The half time step takes 16 of the gradients."""
     scene = bent[0]
     found = wsim.fit(scene, noisy(bent, 1e-4, 1e-4), "young[tv]", settings=CPU)
     soft, stiff = apart(found, scene)
-    assert found.converged and found.simulations <= 100.0 and 0.5 < found.misfit < 1.2
+    assert found.converged and found.simulations <= 100.0 + 16.0 and 0.5 < found.misfit < 1.2
     assert soft < 0.05 and stiff < 0.05
     assert 5 <= found.unseen("young[]").sum() <= 30
     x = scene.softs[0].points[scene.softs[0].tets].mean(axis=1)[:, 0]

@@ -56,3 +56,19 @@ def test_a_step_that_shifts_less_than_the_noise_is_no_reason_to_warn():
     found = fitted(spring(16, "bdf2"), noise=2e-3)
     text = found.text()
     assert (np.abs(found.half_step.bars) < 0.5).all() and "\nconverged after" in text and "warning: half" not in text
+
+
+@pytest.mark.slow
+def test_a_number_beside_a_field_is_shifted_alike():
+    """The damping of the oscillator, with its stiffness as a field of one spring."""
+    h = 1.0 / 480.0
+    seen = oscillator(1e-4)
+    seen.sigma = 1e-4
+    found = wsim.fit(spring(8), [seen], "damping,stiffness[free]", settings=Settings(device="cpu"))
+    bar = found.bars["damping"]
+    assert found.converged and found.values["damping"][0] == pytest.approx(TAU - h, abs=0.1 * h)
+    assert bar.half_time_step_shift == pytest.approx(0.5 * h, rel=0.1)
+    assert found.half_step.rms > 0.5 * bar.half_time_step_shift / bar.error
+    text = found.text()
+    assert "converged for this time step alone" in text and "half the time step shifts it by +0.001" in text
+    assert json.loads(json.dumps(found.as_dict()))["half_time_step_shift_in_error_bars"] == found.half_step.rms

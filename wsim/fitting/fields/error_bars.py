@@ -9,7 +9,7 @@ a run backward: three runs and one back an iteration. b z errs by the square of 
 small.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,13 +51,22 @@ class Newton:
         return z, ry <= CLOSE**2 * first
 
 
-def deviations(misfit: Adjoint, theta: np.ndarray, rows: list[int], sigma: float, Y: np.ndarray) -> list[tuple[float, bool]]:
-    """sigma_k of theta[k], for each of rows, and whether it is right (or at least that). Y: probes at theta."""
+@dataclass
+class Deviation:
+    """sigma_k of one theta[k], and whether it is right (or at least that); column: H^-1 e_k."""
+
+    sigma: float
+    close: bool
+    column: np.ndarray
+
+
+def deviations(misfit: Adjoint, theta: np.ndarray, rows: list[int], sigma: float, Y: np.ndarray) -> list[Deviation]:
+    """Of each of rows of theta. Y: probes at theta."""
     beliefs = [b if b.wide != WIDE else replace(b, wide=UNKNOWN) for b in misfit.beliefs]
     newton, found = Newton(misfit, theta, sigma, Y, beliefs), []
     for k in rows:
         z, close = newton.solve(np.eye(len(theta))[k], MOST)
-        found.append((float(np.sqrt(max(float(z[k]), 0.0))), close))
+        found.append(Deviation(float(np.sqrt(max(float(z[k]), 0.0))), close, z))
     return found
 
 

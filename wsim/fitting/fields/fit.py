@@ -27,6 +27,7 @@ from wsim.fitting.fields.misfit import Adjoint
 from wsim.fitting.fields.number import Number, several
 from wsim.fitting.fields.preconditioner import Metric
 from wsim.fitting.fields.result import Bar, FieldFit
+from wsim.fitting.fields.time_step import HalfStep
 from wsim.scene import Problem, Scene, SceneError
 
 PARTS = (0.25, 0.5, 1.0)      # of the time
@@ -267,17 +268,18 @@ def _result(search: FieldSearch, found: list[ParameterField | Number], scenes: l
     values = dict(zip([f.name for f in found], m.values(search.theta), strict=True))
     for e in m.experiments:
         notes += [w.removeprefix("warning: ") for w in e.sim.warnings if w not in notes]
-    notes += [f"the error bar of {n.name} is at least that: conjugate gradients did not come close" for n, (_, close) in
-              zip(numbers, bars, strict=True) if not close]
+    notes += [f"the error bar of {n.name} is at least that: conjugate gradients did not come close"
+              for n, b in zip(numbers, bars, strict=True) if not b.close]
+    half = HalfStep(m, search.theta, sigma * wide, Y, bars)
     for f in found:
         scenes = [f.written(s, values[f.name]) if f.belongs(s) else s for s in scenes]
-    errors = {n.name: Bar.of(n.map, float(n.map.forward(values[n.name][0, 0])), b)
-              for n, (b, _) in zip(numbers, bars, strict=True)}
+    errors = {n.name: Bar.of(n.map, float(n.map.forward(values[n.name][0, 0])), b.sigma, d)
+              for n, b, d in zip(numbers, bars, half.shifts, strict=True)}
     return FieldFit(found, {name: _flat(v) for name, v in values.items()}, known, scenes[0], scenes,
                     search.converged, sigma * given, rms / sigma, float(np.linalg.norm(search.descent.gradient)), search.steps,
                     m.walked, m.launches, round(m.time * m.experiments[0].scene.fps), seconds, search.rows,
-                    [*search.notes, *notes], errors, m.unit,
-                    "floor" if sigma <= m.floor else "given" if m.known else "estimated")
+                    [*search.notes, *half.notes(), *notes], errors, m.unit,
+                    "floor" if sigma <= m.floor else "given" if m.known else "estimated", half)
 
 
 def _noisy(search: FieldSearch, left: float) -> tuple[float, list[str]]:

@@ -6,7 +6,7 @@
              diagonal, to 1 / sqrt(2 k), what each value moves of all that is observed (Bekas, Kokiopoulou, Saad 2007)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -28,13 +28,17 @@ class Experiment:
     """One scene with what was seen of it, recorded up to a horizon."""
 
     def __init__(self, scene: Scene, seen: list, device=None):
-        self.scene, self.seen = settled(scene, device), seen
+        self.scene, self.seen, self.device = settled(scene, device), seen, device
         self.sim = Simulation(self.scene, device=device, precision="float64", gradients=True)
         for o in seen:
             o.prepare(self.sim.model)
         self.last = max(int(o.frames.max()) for o in seen)
         self.recording: Recording | None = None
         self.given: list[tuple[ParameterField | Number, np.ndarray]] = []
+
+    def finer(self) -> "Experiment":
+        """The same with half the time step."""
+        return Experiment(replace(self.scene, substeps=2 * self.sim.plan.clock.steps), self.seen, self.device)
 
     def begin(self, given: list[tuple[ParameterField | Number, np.ndarray]], frames: int) -> None:
         """Values for the next run, of so many frames."""
@@ -180,6 +184,16 @@ class Adjoint:
                 found[:, k] += self.chain(e, e.back(frames, signs), theta)
         self.backward += PROBES
         return found / np.sqrt(PROBES)
+
+    def half_step(self, theta: np.ndarray) -> np.ndarray:
+        """J^T of what half the time step changes of the residuals. Raises SceneError where a run breaks."""
+        values, found = dict(zip([f.name for f in self.fields], self.values(theta), strict=True)), np.zeros(len(theta))
+        for e, frames in self.begun(theta):
+            r, fine = e.residuals(frames), e.finer()
+            fine.begin([(f, values[f.name]) for f in self.fields if f.belongs(e.scene)], frames)
+            found += self.chain(e, e.back(frames, [b - a for a, b in zip(r, fine.residuals(frames), strict=True)]), theta)
+            self.walked += 2.0 * frames / e.last / len(self.experiments)
+        return found
 
     def gauss_newton(self, theta: np.ndarray, v: np.ndarray) -> np.ndarray:
         """J^T J v: a central difference of residuals along v, and back. Raises SceneError where a run breaks."""

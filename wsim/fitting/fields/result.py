@@ -6,6 +6,7 @@ import numpy as np
 
 from wsim.fitting.fields.field import ParameterField
 from wsim.fitting.fields.number import Number
+from wsim.fitting.fields.time_step import HalfStep
 from wsim.fitting.least_squares.bounds import Map
 from wsim.fitting.least_squares.uncertainty import OPEN
 from wsim.fitting.report import ORIGIN, number
@@ -15,18 +16,22 @@ from wsim.simulation.measure.columns import columns
 
 @dataclass
 class Bar:
-    """Error of a number: one error bar, and two of them below and above. inf: not identifiable."""
+    """Error of a number: one error bar, and two of them below and above. inf: not identifiable. half_time_step_shift: by how
+    much half the time step shifts its value; None: not known."""
 
     error: float
     low: float
     high: float
+    half_time_step_shift: float | None = None
 
     @staticmethod
-    def of(map: Map, theta: float, sigma: float) -> "Bar":
+    def of(map: Map, theta: float, sigma: float, shift: float | None = None) -> "Bar":
+        """Of a theta, its deviation, and its shift."""
         if sigma >= OPEN:
             return Bar(np.inf, -np.inf, np.inf)
         low, high = (float(map.inverse(theta + s * sigma)) for s in (-2.0, 2.0))
-        return Bar(float(map.slope(theta)) * sigma, low, high)
+        slope = float(map.slope(theta))
+        return Bar(slope * sigma, low, high, None if shift is None else slope * shift)
 
 
 @dataclass
@@ -56,6 +61,7 @@ class FieldFit:
     bars: dict[str, Bar] = field(default_factory=dict)       # of the numbers
     unit: str = "m"                        # of sigma; where positions and forces have one each, "sigma" and 1
     origin: str = "given"                  # of sigma: "given", "estimated", or "floor", below which none is claimed
+    half_step: HalfStep | None = None      # how far half the time step shifts the values
 
     @property
     def fields(self) -> list[ParameterField]:
@@ -79,6 +85,7 @@ class FieldFit:
                             "neighbours": f.near, "values": self.values[f.name].tolist(),
                             "sensitivity": self.sensitivity[f.name].tolist(), "unseen": int(self.unseen(f.name).sum())}
                            for f in self.fields],
+                "half_time_step_shift_in_error_bars": self.half_step.rms if self.half_step else None,
                 "converged": self.converged, "sigma": self.sigma, "sigma_unit": self.unit, "sigma_is": self.origin,
                 "misfit_over_sigma": self.misfit, "gradient": self.slope,
                 "frames": self.frames, "steps": self.steps, "simulations": self.simulations, "launches": self.launches,
@@ -102,7 +109,11 @@ class FieldFit:
         head = ("step", "frames [s]", "rms", "F", "|gradient|", "gradients")
         lines += columns([head, *steps], ">><<<<", (4, 10, 10, 10, 10, 0))
         lines.append(f"noise {self.sigma:.3g} {self.unit}, residuals over it {self.misfit:.3g}; noise {ORIGIN[self.origin]}")
-        end = "converged" if self.converged else "NOT converged"
+        half = self.half_step
+        if half and half.rms is not None:
+            lines.append(f"half the time step shifts the values by {half.rms:.2g} error bars or more in the root mean square")
+        end = "NOT converged" if not self.converged else "converged for this time step alone" if half and half.matters else \
+            "converged"
         lines.append(f"{end} after {self.steps} steps, {self.simulations:.3g} gradients ({self.launches} runs), "
                      f"{self.seconds:.3g} s, frames to {self.frames}")
         return "\n".join([*lines, *(f"warning: {n}" for n in self.notes)])
@@ -112,8 +123,10 @@ class FieldFit:
         for name, bar in self.bars.items():
             f = next(f for f in self.parameters if f.name == name)
             value = f"{name}  {number(float(self.values[name][0]), bar.error)} {f.kind.unit}"
+            shift = "" if bar.half_time_step_shift is None else \
+                f"; half the time step shifts it by {bar.half_time_step_shift:+.2g} {f.kind.unit}"
             lines.append(f"{value}, error bar {bar.error:.2g}, two of them {number(bar.low, bar.error)} to "
-                         f"{number(bar.high, bar.error)}" if np.isfinite(bar.error) else
+                         f"{number(bar.high, bar.error)}{shift}" if np.isfinite(bar.error) else
                          f"{value}, not identifiable: with the fields open these data do not say what it is; give a prior")
         return lines
 
