@@ -192,6 +192,12 @@ FAULTS = {
                            '(prepend apiSchemas = ["PhysicsMaterialAPI"]) { float physics:density = -5 }', "/Lead", "physics:density is -5",
                            "author another density"),
     "owner is gone": (box(more="rel physics:simulationOwner = </Gone>") + GROUND, "/Box", "simulationOwner names /Gone", "name one"),
+    "variant is none": ('def Xform "Set" (variants = {\nstring look = "red"\n}\nprepend variantSets = "look"\n) {\nvariantSet "look" = {\n"blue" '
+                        '{\n}\n}\n}\n' + box() + GROUND, "/Set", "variant set look has no variant 'red'", "choose one of blue"),
+    "size is NaN": ('def Cylinder "Post" (prepend apiSchemas = ["PhysicsCollisionAPI"]) { double height = nan }' + box(at="4, 0, 0.5") + GROUND,
+                    "/Post", "height is nan", "author another height"),
+    "one in another": (box("A") + box("B") + GROUND, "/A", "starts 0.5 m deep in /B", "move them apart"),
+    "wind is NaN": (cloth() + settings("vector3d wsim:wind = (nan, 0, 0)", '"WsimSceneAPI"'), "/", "wind is (nan", "author another wsim:wind"),
     "file is gone": (box() + GROUND + 'def Xform "Set" (prepend references = @./gone.usda@) { double x = 1 }', "/Set", "Could not open asset",
                      "add what is missing"),
 }
@@ -232,6 +238,37 @@ VALID = {
 }
 
 
+MIRROR = 'double3 xformOp:scale = (-1, 1, 1); uniform token[] xformOpOrder = ["xformOp:scale"]; '
+ROCK = hull("0, 1, 2, 0, 3, 1, 1, 3, 2, 0, 2, 3").replace("uniform token physics:approximation", 'uniform token orientation = "leftHanded"; '
+                                                          "uniform token physics:approximation")
+UNUSUAL = {
+    "centimetres": (box(at="0, 0, 50").replace("size = 1", "size = 100") + GROUND, ("metersPerUnit = 1", "metersPerUnit = 0.01")),
+    "Y up": (box(at="0, 0.5, 0") + GROUND.replace('"Z"', '"Y"'), ('upAxis = "Z"', 'upAxis = "Y"')),
+    "grams": (box(apis=MASS, more="float physics:mass = 500") + GROUND, ("metersPerUnit = 1", "metersPerUnit = 1\n    kilogramsPerUnit = 0.001")),
+    "late start": (box() + GROUND, ("startTimeCode = 0\n    endTimeCode = 4", "startTimeCode = 101.5\n    endTimeCode = 105")),
+    "left-handed": (ROCK, ()), "left-handed triangles": (ROCK.replace("convexHull", "none"), ()),
+    "mirrored": (f'def Xform "Top" {{ {MIRROR}{box(at="2, 0, 0.5")} }}' + GROUND, ()),
+    "mirrored rock": (hull("0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2").replace("uniform token", MIRROR + "uniform token", 1), ()),
+    "mirrored cloth": (cloth(MIRROR), ()),
+    "turned in place": (box().replace('["xformOp:translate"]', '["xformOp:translate", "xformOp:translate:pivot", "xformOp:rotateXYZ", '
+                                      '"!invert!xformOp:translate:pivot"]').replace("double size", "double3 xformOp:translate:pivot = (0.5, 0, 0); "
+                                                                                    "float3 xformOp:rotateXYZ = (0, 0, 30); double size") + GROUND, ()),
+    "half quaternion": (box().replace('["xformOp:translate"]', '["xformOp:translate", "xformOp:orient"]').replace(
+        "double size", "quath xformOp:orient = (0.707, 0, 0, 0.707); double size") + GROUND, ()),
+    "stack is reset": (f'def Xform "Top" {{ {MIRROR}' + box().replace('["xform', '["!resetXformStack!", "xform') + " }" + GROUND, ()),
+    "inactive": (box() + GROUND + 'def Mesh "Bad" (active = false\nprepend apiSchemas = ["PhysicsCollisionAPI"]) { int[] faceVertexIndices = [9] }',
+                 ()),
+    "inherited": (box("Two").replace('def Cube "Two" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsCollisionAPI"])', 'class Cube "_Box" '
+                                     '(prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsCollisionAPI"])')
+                  + 'def "One" (prepend inherits = </_Box>) { double size = 1 }' + GROUND, ()),
+    "empty mesh": (box() + GROUND + 'def Mesh "Hollow" { point3f[] points = [(0, 0, 0)] }', ()),
+    "guide": (box(more='uniform token purpose = "guide"; token visibility = "invisible"') + GROUND, ()),
+    "some instances": (instances(more="int64[] ids = [3, 1, 2]; int64[] invisibleIds = [1]").replace(
+        '"Rocks"', '"Rocks" (inactiveIds = [3])'), ()),
+}
+VALID |= {name: text for name, (text, swap) in UNUSUAL.items() if not swap}
+
+
 @pytest.mark.parametrize("name", FAULTS)
 def test_check_names_prim_fault_and_fix(tmp_path, capsys, name):
     text, path, fault, fix = FAULTS[name]
@@ -249,6 +286,15 @@ def test_a_sound_stage_is_refused_by_nothing(tmp_path, capsys, name):
     assert cli.main(["check", source]) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if re.match("error: |warning: ", line)]
     assert not lines
+    Recorder(load(source), tmp_path / "o.usdc").close()
+
+
+@pytest.mark.parametrize("name", [name for name, (_, swap) in UNUSUAL.items() if swap])
+def test_a_stage_of_other_units_and_times_is_refused_by_nothing(tmp_path, capsys, name):
+    text, (old, new) = UNUSUAL[name]
+    source = stage(tmp_path, text, HEAD.replace(old, new))
+    assert old in HEAD and cli.main(["check", source]) == 0
+    assert "warning" not in capsys.readouterr().out.replace("0 warnings", "")
     Recorder(load(source), tmp_path / "o.usdc").close()
 
 

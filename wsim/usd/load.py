@@ -275,7 +275,8 @@ def _finished(reading: Reading, scene: Scene, found: Prims) -> Scene:
     if scene.bodies() or moving(scene):
         note_range(reading)
         fatal += [problem for problem in check(scene) if problem.fatal and not (fatal and problem.lacks)]
-        fatal += refuse_numbers(reading, {problem.path for problem in fatal})
+        said = {problem.path for problem in fatal}
+        fatal += refuse_numbers(reading, said | ({str(prim.GetPath()) for prim in found.scenes} if "/" in said else set()))
     elif not fatal:                               # the notes say why: a reference without a file, a body left out
         from wsim.usd.new.hints import nothing
         fatal += [nothing(reading.stage, found.simulated, found.meshes, found.tet_meshes), *_grouped(reading.problems)]

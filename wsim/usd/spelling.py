@@ -122,7 +122,11 @@ def _physics(reading: Reading, prim: Usd.Prim, name: str) -> None:
 
 
 def targets(reading: Reading, prim: Usd.Prim) -> None:
-    """Warns of a material and of a scene that a prim names for its physics, and that are none."""
+    """Warns of a variant that a prim chooses, and of a material and a scene that it names for its physics, that are none."""
+    for name, chosen in (prim.GetVariantSets().GetAllVariantSelections() if prim.HasVariantSets() else {}).items():
+        if chosen and chosen not in (has := prim.GetVariantSet(name).GetVariantNames()):
+            reading.warn(prim.GetPath(), f"its variant set {name} has no variant {chosen!r}, so that none counts; choose one "
+                         f"of {', '.join(has) or 'those it has'}")
     if not any(api.startswith(("Physics", "Wsim")) for api in applied(prim)):
         return
     for name in BINDINGS:

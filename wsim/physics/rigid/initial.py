@@ -1,7 +1,8 @@
 """Rigid bodies that start within something: deeper than a part of their size, unless they are filtered from it or joined to it.
 
-A depth is that of the deepest sampled point of one surface below the other, so that it is never overstated: shapes are those
-that contacts meet (`wsim.physics.rigid.solids`), whose signed distances are exact inside. NumPy only.
+A depth is that of the deepest sampled point of one surface below the other, or of a point within both below either, so that it
+is never overstated: shapes are those that contacts meet (`wsim.physics.rigid.solids`), whose signed distances are exact inside.
+NumPy only.
 """
 
 from collections.abc import Iterator
@@ -145,4 +146,7 @@ def _depth(one: Solid, other: Solid) -> float:
             points = np.vstack([points, middle + way * (a.met.shape.radius / max(float(np.linalg.norm(way)), 1e-30))])
         if len(points):
             found = max(found, -float(b.distance(points).min()))
+    middle = 0.5 * (np.maximum(one.low, other.low) + np.minimum(one.high, other.high))[None]
+    if np.isfinite(middle).all():                                   # two that are alike, in one place, or crossed plates
+        found = max(found, min(-float(one.distance(middle)[0]), -float(other.distance(middle)[0])))
     return found

@@ -61,6 +61,7 @@ def load_shape(reading: Reading, prim: Usd.Prim) -> tuple[Shape, Motion] | None:
     path, sizes = str(prim.GetPath()), _sizes(reading, prim)
     if _axis(prim) not in TURN:
         reading.fail(path, f"axis is {_axis(prim)!r}; allowed is X, Y or Z")
+    if _axis(prim) not in TURN or sizes and not np.isfinite(sizes.parameters).all():
         return None
     authored = placement(reading, prim)
     try:
@@ -96,7 +97,9 @@ def _sizes(reading: Reading, prim: Usd.Prim) -> Authored | None:
         attribute = prim.GetAttribute(name)
         if attribute.ValueMightBeTimeVarying():
             reading.warn(attribute.GetPath(), "is animated; its value at startTimeCode is held")
-        return size(attribute, reading.start) * reading.units.metres
+        if not np.isfinite(found := size(attribute, reading.start)):
+            reading.fail(prim.GetPath(), f"{name} is {found:g}; allowed: a finite number > 0; mend: author another {name}")
+        return found * reading.units.metres
 
     found = claimed((*applied(prim), str(prim.GetTypeName())))
     return found and Authored(found[0], found[0].read(*map(value, found[0].usd[found[1]])))

@@ -36,6 +36,9 @@ def load(reading: Reading, prim: Usd.Prim, body_of) -> list[Body]:
         for text in wrong:
             reading.fail(path, text)
         return []
+    if not instancer.GetPositionsAttr().Get(reading.start):
+        reading.warn(path, "has no instances: its prototypes take no part; author positions and protoIndices")
+        return []
     if len(placement(reading, prim).times) > 1 or instancer.GetPositionsAttr().ValueMightBeTimeVarying():
         reading.warn(path, "is animated and has dynamic rigid bodies: they start where it does and then move by forces")
     found: list[Body | None] = []
@@ -58,7 +61,8 @@ def faults(instancer: UsdGeom.PointInstancer, start: Usd.TimeCode) -> Iterator[s
                                  ("Velocities", np.float64), ("AngularVelocities", np.float64), ("Ids", np.int64))}
     count, targets = len(arrays["Positions"]), instancer.GetPrototypesRel().GetTargets()
     if not count:
-        yield "has no positions, and so no instances; author one for each of protoIndices"
+        if len(arrays["ProtoIndices"]):
+            yield "has no positions, and so no instances; author one for each of protoIndices"
         return
     for name, values in arrays.items():
         said = name[0].lower() + name[1:]
