@@ -133,7 +133,7 @@ def test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once(sc
     """The cape has pins, wind, contacts, strain and bending; the hanging cloth sweeps that leave a residual."""
     subprocess.run([sys.executable, "-c", STEP, str(ROOT / "scenes" / f"{scene}.usda"), solver], cwd=ROOT, check=True,
                    capture_output=True, env=os.environ | {"WARP_CACHE_PATH": str(tmp_path)})
-    assert len(own(tmp_path)) == (2 if scene == "cape" else 1)       # what stands in one launch has a module of its own
+    assert len(own(tmp_path)) == 1
     for text in (source.read_text() for source in tmp_path.rglob("*.cpp")):
         assert "cpu_forward_tasks<false>" in text and "cpu_forward_tasks<true>" not in text
 

@@ -5,13 +5,12 @@
                       frame takes longer
     apic.capture, apic.types, context
                       captures and argument packing, for launches recorded as bytes (`wsim.model.compiler.recorded`).
-                      Without: Warp records, and capturing a frame takes longer
+                      Without: Warp records, and gradients take twice the time to record and the memory
     Struct, Instance  types of structs and of their values, for the same
     folder_name       folder of a module in the cache: whether it has to be compiled. Without: it is looked up by loading it
     executables       what was loaded of a module: whether it was compiled just now. Without: assumed just compiled
     forget_module     makes Warp compile a module anew. Without: what the cache has is loaded once more
     compile_apart     compiles a module without loading it, for several in parallel. Without: one after the other, when loaded
-    drop_kernel       takes a kernel out of a module that launches a fused one in its place. Without: both are compiled
 
 WSIM_PLAIN_WARP=1 leaves Warp's compiling and recording unchanged, to compare or to find a fault.
 """
@@ -65,11 +64,3 @@ def forget_module(module: wp.Module) -> None:
 def compile_apart(module: wp.Module, device, block: int | None) -> None:
     """Compiles a module into the cache. Raises AttributeError where this Warp cannot."""
     module._compile(device, options=module.resolved_options[block])                # of the hash that is the name of its folder
-
-
-def drop_kernel(module: wp.Module, kernel: wp.Kernel) -> None:
-    """Takes a kernel that nobody launches out of a module."""
-    kernels = getattr(module, "_live_kernels", None)
-    if kernels is not None:
-        kernels.discard(kernel)
-    forget_module(module)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import warp as wp
 
 import wsim
 from tests.physics.fused.test_fused import blown, cube, everything
@@ -64,14 +63,6 @@ def test_helpers_that_never_come_are_not_waited_for(monkeypatch):
     assert np.array_equal(want.positions(), sim.positions())
     (team,) = sim.model.fuser.teams.values()
     assert team.words[FORMED] == 0
-
-
-def test_parts_of_the_one_kernel_are_not_compiled_by_themselves(monkeypatch):
-    model = simulation("blown", monkeypatch, 1).model
-    keys = [k.partition("__locals__")[0] for k in wp.get_module(model.module).kernels]
-    assert not {"press", "blow", "correct"} & set(keys) and "settle" in keys
-    parts = [k.partition("__locals__")[0] for k in wp.get_module(f"{model.module}_apart").kernels]
-    assert {"press", "blow", "correct"} <= set(parts)
 
 
 def test_the_kernel_has_the_same_name_in_every_process():

@@ -8,17 +8,13 @@ Seconds are counted from the end of `import warp` to the end of the first frame.
 the time with all of them: 1.3 means that it shortens a first frame by 1.3 times.
 
     plain      none of them: WSIM_PLAIN_WARP=1
-    header     Warp's header is read without adjoints and without the rooms that a module does without
-    rooms      of that, the rooms: tiles, volumes, textures, noise, dense matrices
-    unused     adjoints and sums of structs in a module's own text, where it has no backward pass
+    header     Warp's header is read without adjoints
     reference  structs and arrays that a function only reads go by reference
     noinline   long functions stand by themselves on a CPU (`wp.func(inline=False)`); on a GPU they do not
     calls      the last two, of which the first spares the second its copies
-    source     all that change a module's text: header, unused, reference
     single     each kernel has one variant, none for arrays without gaps
-    parallel   modules that the cache lacks are compiled at the same time
+    parallel   modules for a CPU that the cache lacks are compiled at the same time
     recorded   launches are recorded in a CPU's graph as bytes
-    drop       a kernel that is only a part of one that several threads share is not compiled by itself
 
 CPU seconds are those of all threads of a process. With --at-once N, N pairs run side by side, each on cores of its own. Rows
 that have not begun after --limit seconds are left out.
@@ -27,7 +23,6 @@ that have not begun after --limit seconds are left out.
 import argparse
 import json
 import os
-import re
 import statistics
 import subprocess
 import sys
@@ -39,27 +34,20 @@ from time import perf_counter, process_time
 
 ROOT = Path(__file__).resolve().parents[3]
 SCENES = "hanging_cloth", "squeezed_cube", "dominoes", "humanoid", "plume", "dam_break", "caped_man", "cape", "shirt"
-PARTS = {"calls": ("reference", "noinline"), "source": ("header", "unused", "reference")}
-SWITCHES = ("plain", "header", "rooms", "unused", "reference", "noinline", "calls", "source", "single", "parallel", "recorded",
-            "drop")
+PARTS = {"calls": ("reference", "noinline")}
+SWITCHES = "plain", "header", "reference", "noinline", "calls", "single", "parallel", "recorded"
 FIGURES = "cold_cpu", "cold_wall", "warm_cpu", "warm_wall", "warm_ms"
 MARK = "first frame: "
 
 
 def leave_out(switch: str, gpu: bool) -> None:
     """Turns one rewriting off in this process."""
-    from wsim.model import warp_private
     from wsim.model.compiler import header, parallel, recorded, source, variants
     for part in PARTS.get(switch, ()):
         leave_out(part, gpu)
     if switch == "header":
         header.within = lambda text: text
         header.precompiled = lambda text, flags, place: (text, {})
-    elif switch == "rooms":
-        header.rooms_left = lambda text: frozenset()
-    elif switch == "unused":
-        kept, source.OUTWARD = header.without_adjoints, re.compile("(?!)")
-        header.without_adjoints = lambda text: text if header.INCLUDES in text else kept(text)    # a module's, or the header's
     elif switch == "reference":
         source.only_read = lambda body, names: set()
     elif switch == "single":
@@ -73,8 +61,6 @@ def leave_out(switch: str, gpu: bool) -> None:
         parallel.compile_all = lambda modules, device: None
     elif switch == "recorded":
         recorded.lighten = lambda: None
-    elif switch == "drop":
-        warp_private.drop_kernel = lambda module, kernel: None
 
 
 def first_frame(scene: str, switch: str, device: str, frames: int) -> dict[str, float]:
@@ -167,7 +153,7 @@ def summary(rows: list[dict], without) -> list[str]:
         lines += ["", f"{key}: without over with", " " * 12 + "".join(f"{name[:13]:>14s}" for name in base) + f"{'mean':>8s}"]
         for switch in without:
             found = {r["scene"]: r[key] / base[r["scene"]][key] for r in rows
-                     if r["without"] == switch and "failed" not in r and r["scene"] in base}
+                     if r["without"] == switch and key in r and key in base.get(r["scene"], {})}
             if found:
                 cells = "".join(f"{found[name]:14.2f}" if name in found else " " * 14 for name in base)
                 lines.append(f"{switch:12s}{cells}{statistics.geometric_mean(found.values()):8.2f}")

@@ -1,10 +1,10 @@
 """Warp's header without adjoints, for modules that have no backward pass.
 
 Clang reads 45,000 lines of header for each module, and most of its time (0.9 CPU-s) goes into adjoints that macros make for
-each type: `adj_smoothstep` alone resolves hundreds of overloads. Without them it takes 0.3, without tiles, volumes, textures
-and noise, where a module has none, 0.2. What is left out is found in the text of the installed Warp: functions whose name
-begins with `adj_`, but for those of atomics, which others use, and whole files. A process that compiles dozens of modules
-keeps the header precompiled (KEPT), 0.5 once, and spares each module the 0.2 to 0.3; of a few modules it costs more than that.
+each type: `adj_smoothstep` alone resolves hundreds of overloads. Without them it takes 0.3. What is left out is found in the
+text of the installed Warp: functions whose name begins with `adj_`, but for those of atomics, which others use. A process that
+compiles dozens of modules keeps the header precompiled (KEPT), 0.5 once, and spares each module the 0.3; of a few modules it
+costs more than that.
 """
 
 import re
@@ -20,54 +20,33 @@ KEPT = False             # whether this process keeps it precompiled
 INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"')
 ADJOINT = re.compile(r"(?:template\s*<[^{};()]*>[\s\\]*)?"
                      r"(?:(?:inline|static|CUDA_CALLABLE|CUDA_CALLABLE_DEVICE|WP_NOINLINE)[\s\\]+)+void[\s\\]+adj_(?!atomic)\w+[\s\\]*\(")
-# rooms of the header that stand by themselves, and the words of a module that needs them
-ROOMS = {"tile": re.compile(r"tile|(?<!#define )builtin_block_dim"), "noise": re.compile("noise"),
-         "texture": re.compile("texture"), "volume": re.compile("volume_|Volume|nanovdb"), "matnn": re.compile("dense_")}
-STORAGE = """    wp::tile_shared_storage_t tile_mem;
-#if defined(WP_ENABLE_TILES_IN_STACK_MEMORY)
-    wp::shared_tile_storage = &tile_mem;
-#endif
-"""                              # of tiles, in each kernel
 NEXT = re.compile(r"[\s\\]*(.)", re.S)
 PAIRS = {"(": re.compile(r"[()]"), "{": re.compile(r"[{}]")}
 
 
 def within(text: str) -> str:
     """The source of a module with the header put in where it is included; as it is, where it is included otherwise."""
-    left = rooms_left(text)
-    return without(text, left).replace(INCLUDES, lean(left), 1)
-
-
-def rooms_left(text: str) -> frozenset[str]:
-    """Rooms of the header that the source of a module does without."""
-    bare = text.replace(STORAGE, "")
-    return frozenset(room for room, words in ROOMS.items() if not words.search(bare))
-
-
-def without(text: str, left: frozenset[str]) -> str:
-    """The source of a module without what stands for rooms that it does without."""
-    return text.replace(STORAGE, "") if "tile" in left else text
+    return text.replace(INCLUDES, lean(), 1)
 
 
 def precompiled(text: str, flags: str, place: str | None) -> tuple[str, dict[str, Any]]:
     """The source of a module without the header, and what Warp's compiler is to be told so that it finds that precompiled, or
     leaves it so, in a place of this process; the source alone, where the header is included otherwise. flags: of the compiler.
     """
-    left = rooms_left(text)
-    folder = Path(place or "", "_".join(["lean", *sorted(left)]))
+    folder = Path(place or "", "lean")
     if not place or INCLUDES not in text or re.search(r"\s", str(folder)):            # flags are parted at blanks
         return within(text), {"use_precompiled_headers": False}
     if not (folder / "builtin.h").exists():
         folder.mkdir(exist_ok=True)
-        (folder / "builtin.h").write_text(lean(left), encoding="utf-8")                # Warp precompiles what has this name
-    return without(text, left).replace(INCLUDES, "", 1), {"extra_flags": f"{flags} -iquote {folder}", "pch_dir": str(folder)}
+        (folder / "builtin.h").write_text(lean(), encoding="utf-8")                    # Warp precompiles what has this name
+    return text.replace(INCLUDES, "", 1), {"extra_flags": f"{flags} -iquote {folder}", "pch_dir": str(folder)}
 
 
 @cache
-def lean(left: frozenset[str] = frozenset()) -> str:
-    """Text of Warp's header and of all that it includes, without adjoints and without the rooms that are `left` out."""
+def lean() -> str:
+    """Text of Warp's header and of all that it includes, without adjoints."""
     lines: list[str] = []
-    _read(INCLUDES.splitlines(), {path.name for room in left for path in NATIVE.glob(f"{room}*.h")}, lines)
+    _read(INCLUDES.splitlines(), set(), lines)
     return without_adjoints("\n".join(lines)) + "\n"
 
 

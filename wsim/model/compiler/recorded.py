@@ -2,8 +2,10 @@
 
 Warp 1.19 records each launch of a captured frame so that it could be saved, and loaded by another process: it looks for every
 pointer in the arguments, also in structs of a hundred arrays, and writes down of which allocation each is a part. A replay then
-puts the same pointers back where they were. That is most of the time a frame takes to record, and the bytes of the arguments
-hold the pointers already. Here a launch is recorded as those bytes, with no pointer to be put back: the same bits.
+puts the same pointers back where they were. That is most of the time a recording takes, and the bytes of the arguments hold the
+pointers already. Here a launch is recorded as those bytes, with no pointer to be put back: the same bits. A first frame gains
+nothing by it, gradients do. Of 24 frames of 12 x 12 points, CPU seconds with it and without: forward 1.3 and 2.4 (leapfrog),
+1.0 and 1.7 (XPBD), 11 and 15 (Newton); backward 1.0 and 2.9, 0.8 and 1.8, 1.1 and 2.4; memory of all three 386 MB and 815.
 
     kept      Warp keeps the allocations that it has written down, so that none is freed before the graph: arrays of the
               arguments, those in structs, and their gradients are kept here likewise

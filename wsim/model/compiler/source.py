@@ -3,21 +3,17 @@
     by reference     Warp hands structs and arrays to functions by value, and some structs have hundreds of fields. What a
                      function only reads is handed over by reference: one that stands by itself (`wp.func(inline=False)`) then
                      costs a call, and no copy. Not where it is given another of that kind to write, which may be the same
-    no adjoints      a module without a backward pass has none, and Warp's header none (`wsim.model.compiler.header`)
 
-Both are decided function by function from the text alone; what does not look as expected stays as it is. Letting all functions
+That is decided function by function from the text alone; what does not look as expected stays as it is. Letting all functions
 of 60 statements stand by themselves was tried: fluids compile in a third less time, and their frames take half as long again.
 """
 
 import re
 from collections import defaultdict
 
-from wsim.model.compiler import header
-
 BACKWARD = "_cpu_backward("
 HEAD = re.compile(r"^static ((?:WP_\w+ )?)([^\n(]+ )(\w+)\(\n((?:    [^\n]*\n)+)\{\n", re.M)
 END = "\n}\n"
-OUTWARD = re.compile("^CUDA_CALLABLE ", re.M)       # sums of structs, which are compiled whether or not they are called
 STRUCT = re.compile(r"^struct (\w+)\n?\s*\{", re.M)
 WRITTEN = re.compile(r"^    (\w+)\* var_\w+", re.M)
 PARAMETER = re.compile(r"^    (\w+|wp::array_t<[\w:<>, ]+>) (var_\w+)(?=,$|\)$)", re.M)
@@ -31,16 +27,8 @@ GIVEN = re.compile(r"    \w+ (var_\w+) = _wp_args->\w+;")
 LOAD = re.compile(r"\s*var_\w+ = wp::load\((var_\w+)\);|\s*[\w:<>, ]+\* (var_\w+);")
 
 
-def shorter(text: str) -> str:
-    """The source of a module, rewritten."""
-    short = functions(text)
-    return header.within(short) if BACKWARD not in text else short
-
-
 def functions(text: str) -> str:
-    """The source of a module with its functions rewritten, and its header as it is."""
-    if BACKWARD not in text:
-        text = OUTWARD.sub("inline CUDA_CALLABLE ", header.without_adjoints(text))
+    """The source of a module with its functions rewritten."""
     structs = {name for name in STRUCT.findall(text) if not name.startswith("wp_args")}
     parts, at = [], 0
     for head in HEAD.finditer(text):

@@ -7,7 +7,7 @@ the same arrays in the same order, hence the same bits (tets in float64 alone di
 not fit is launched as ever, and the plan says why.
 
 On a CPU, where a launch costs little, it is threads that gain: they share each phase (kernels/motion/abreast.py). Kernels that
-are only parts of the one are not compiled by themselves, so it costs no more to compile.
+are only parts of the one are compiled by themselves too, a twentieth of a first frame.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.motion.threads import MOST as MOST_THREADS
-from wsim.model import warp_private
 from wsim.model.structs import values
 from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.fused.program import Program, is_struct, longest, place
@@ -65,8 +64,6 @@ class Fuser:
         self.tried, self.why = False, "nothing was tried"
         self.word = wp.zeros(1, dtype=int, device=model.device)
         self.phases, self.launched = 0, 0        # phases of a substep; launches of many substeps so far
-        self.within: set = set()                 # kernels that it consists of
-        self.apart: list = []                    # those of them that are not compiled by themselves
         self.teams: dict[Any, Abreast] = {}      # CPU threads of a kernel
         self.sent: dict[tuple, tuple] = {}       # and what they are sent to, by form of a frame
 
@@ -76,14 +73,13 @@ class Fuser:
         model = self.model
         kept = {name: getattr(clock, name) for name in ("substeps", "k", "i", "starting", "free", "after_free")}
         forms = [True, False] if plan.parted else [clock.free]
-        model.recorder = recorder = Recorder(model)
+        model.recorder = Recorder(model)
         self.tried = True
         clock.substeps = min(clock.substeps, TRIED)
         try:
             for clock.free in forms:
                 for clock.starting in (True, False):
                     plan.stretch(0, clock.substeps)
-            self.move_out({op.kernel for op in recorder.ops})
         finally:
             model.recorder, self.tried = None, False
             for name, value in kept.items():
@@ -95,11 +91,7 @@ class Fuser:
         a, b = longest(steps)
         found = self.kernel(steps[a:b]) if b - a >= LEAST else None
         if self.tried:
-            self.within |= {op.kernel for op in steps[a] if found}
-            self.model.recorder.ops += [op for k, step in enumerate(steps) if not (found and a <= k < b) for op in step]
             return
-        if not found and any(steps):
-            self.ready()
         for step in steps[:a]:
             _launch(step)
         if found:
@@ -114,23 +106,6 @@ class Fuser:
                 _launch(step)
         for step in steps[b:]:
             _launch(step)
-
-    def ready(self) -> None:
-        """Compiles kernels that were moved out, where they are launched after all: by a report, or in another number."""
-        if self.apart:
-            from wsim.model import kernel_cache
-            kernel_cache.ready(self.apart.pop(), self.model)       # with all of its module
-            self.apart.clear()
-
-    def move_out(self, launched: set) -> None:
-        """Takes kernels that are only parts of others out of a CPU's module: they need not be compiled by themselves."""
-        module, other = (wp.get_module(self.model.module + end) for end in ("", "_apart"))
-        for kernel in self.within - launched if self.teams else ():
-            if module.kernels.pop(kernel.key, None) is kernel:
-                warp_private.drop_kernel(module, kernel)
-                kernel.module = other
-                other.register_kernel(kernel)
-                self.apart.append(kernel)
 
     def fly(self, kernel, given: list, shape: Shape, count: int) -> None:
         """Launches a kernel of so many substeps."""

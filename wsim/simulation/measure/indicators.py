@@ -145,8 +145,6 @@ def _stays(sim, pin: Pin) -> bool:
 def profile(plan: Plan) -> dict[str, float]:
     """Milliseconds a substep of each stage, launched one by one from the current state, which is put back."""
     from time import perf_counter
-    if plan.model.fuser:
-        plan.model.fuser.ready()
     plan.state.snapshot()
     spent: dict[str, float] = {}
     clock, repeats = plan.clock, 3
