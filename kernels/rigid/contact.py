@@ -144,6 +144,23 @@ def whole(real):
 
 
 @cache
+def rims(real):
+    """(axis, across): functions of a shape that is round about its z. axis(shape, R, rig): z, R the rotation of its frame;
+    across(z, n): e, 0 where n is along z."""
+    t, Rig = types(real), whole(real)
+
+    @wp.func
+    def axis(shape: int, R: t.mat33, rig: Rig):
+        return R * wp.quat_rotate(wp.transform_get_rotation(rig.s.place[shape]), t.vec3(real(0.0), real(0.0), real(1.0)))
+
+    @wp.func
+    def across(z: t.vec3, n: t.vec3):
+        return wp.normalize(n - wp.dot(n, z) * z)
+
+    return axis, across
+
+
+@cache
 def surfaces(real):
     """Functions of friction and restitution of a manifold m. Those of a collider that stands are in the first world's row of
     its shape, and of every further world behind all shapes."""

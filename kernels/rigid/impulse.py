@@ -14,7 +14,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.contact import rims, whole
 
 
 @cache
@@ -36,7 +36,7 @@ def tangent(real):
 def formulas(real, held: bool = False):
     """(Two, prepare, begun, shoved, pushed, ended, slip, rubbed): functions of a manifold m. held: with drift, see
     kernels/rigid/complementarity/drift.py."""
-    t, Rig, first = types(real), whole(real), tangent(real)
+    t, Rig, first, (axis, across) = types(real), whole(real), tangent(real), rims(real)
     rows = wp.types.matrix((4, 3), real)
 
     @wp.struct
@@ -91,12 +91,6 @@ def formulas(real, held: bool = False):
         return moves
 
     @wp.func
-    def across(shape: int, R: t.mat33, n: t.vec3, rig: Rig):
-        """e: the unit vector across the axis of a shape in the plane of the axis and n; 0 where n is along the axis."""
-        z = R * wp.quat_rotate(wp.transform_get_rotation(rig.s.place[shape]), t.vec3(real(0.0), real(0.0), real(1.0)))
-        return wp.normalize(n - wp.dot(n, z) * z)
-
-    @wp.func
     def arms(m: int, j: int, two: Two, rig: Rig):
         """p_a and p_b of point j."""
         R_a = rig.work.turn[two.f]
@@ -105,9 +99,9 @@ def formulas(real, held: bool = False):
         arm_a = R_a * rig.c.core_a[j]
         arm_b = R_b * rig.c.core_b[j]
         if rig.c.rim[j][0] > real(0.0):
-            arm_a -= rig.c.rim[j][0] * across(rig.c.a[m], R_a, n, rig)
+            arm_a -= rig.c.rim[j][0] * across(axis(rig.c.a[m], R_a, rig), n)
         if rig.c.rim[j][1] > real(0.0):
-            arm_b += rig.c.rim[j][1] * across(rig.c.b[m], R_b, n, rig)
+            arm_b += rig.c.rim[j][1] * across(axis(rig.c.b[m], R_b, rig), n)
         return arm_a, arm_b
 
     @wp.func(inline=False)

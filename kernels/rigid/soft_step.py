@@ -15,9 +15,7 @@ behind an impulse P of a whole substep and a point's own response A_ii (kernels/
 
 with L the radius of the smaller of both: what overlaps is pushed apart no faster than it would fall by so much.
 
-Points of bodies that turn go along arcs. The mean velocity of a point r = R c in a substep, (R(h) - 1) r / h, differs from
-omega x r by h/2 omega x (omega x r) + h^2/6 omega x (omega x (omega x r)): sweeps with bias stop that of both bodies, so that a
-box stays where it lies on a turntable, and a body that tips over a corner keeps the corner where it is.
+Sweeps with bias stop the mean velocity that points have in the substep, see kernels/rigid/complementarity/mean_velocity.py.
 
 Friction with bias stops u + BACK drift / h, see kernels/rigid/complementarity/drift.py.
 
@@ -34,6 +32,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.complementarity.drift import holding
 from wsim.kernels.rigid.complementarity.manifold_impulse import impulses
+from wsim.kernels.rigid.complementarity.mean_velocity import bending
 from wsim.kernels.rigid.contact import manifolds, surfaces, whole
 from wsim.kernels.rigid.impulse import formulas
 from wsim.kernels.rigid.kinds import Kind
@@ -45,7 +44,6 @@ A2 = TURN * A1
 GIVES, RATE = wp.constant(1.0 / A2), wp.constant(TURN / A1)     # rate h
 NEAR = wp.constant(0.01)                   # of A_ii: points of which one is needless share what they bear as they did
 BACK = wp.constant(0.005)                  # of the drift in a substep
-TURNS = wp.constant(1.0e-4)                # [rad] in a substep below which points go straight, as they do from 1 rad on
 
 
 @cache
@@ -78,31 +76,6 @@ def goals(real):
 
 
 @cache
-def bending(real):
-    """(bends, bend): whether bodies turn enough; how much the mean velocity of point j in a substep differs from that where it
-    begins, because they turn, see the head of the file."""
-    t, Rig = types(real), whole(real)
-    Two = formulas(real)[0]
-
-    @wp.func
-    def of_turn(o: t.vec3, arm: t.vec3, h: real):
-        inward = wp.cross(o, wp.cross(o, arm))
-        return (real(0.5) * h) * inward + (h * h / real(6.0)) * wp.cross(o, inward)
-
-    @wp.func
-    def bends(two: Two, h: real):
-        square = h * h * wp.max(wp.dot(two.o_a, two.o_a), wp.dot(two.o_b, two.o_b))
-        return square > real(TURNS) * real(TURNS) and square < real(1.0)
-
-    @wp.func(inline=False)
-    def bend(two: Two, j: int, h: real, rig: Rig):
-        return (of_turn(two.o_a, rig.work.turn[two.f] * rig.c.core_a[j], h)
-                - of_turn(two.o_b, rig.work.turn[two.g] * rig.c.core_b[j], h))
-
-    return bends, bend
-
-
-@cache
 def sweeps(real, exact: bool = False):
     """(warm, solve): functions of a manifold m. exact: of the converged mode, whose adjoint has points go straight."""
     t, Rig, friction_of = types(real), whole(real), surfaces(real)[0]
@@ -110,12 +83,12 @@ def sweeps(real, exact: bool = False):
     together, (goal, fastest), (bends, bend), hold = impulses(real), goals(real), bending(real), holding(real)
 
     @wp.func
-    def meets(two: Two, j: int, h: real, arcs: bool, rig: Rig):
-        """u of point j; arcs: in the mean of the substep."""
+    def meets(two: Two, m: int, j: int, h: real, arcs: bool, rig: Rig):
+        """u of point j of manifold m; arcs: in the mean of the substep."""
         u = slip(two, j, rig)
         if wp.static(not exact):
             if arcs:
-                u += bend(two, j, h, rig)
+                u += bend(two, m, j, h, rig)
         return u
 
     @wp.func(inline=False)
@@ -158,7 +131,7 @@ def sweeps(real, exact: bool = False):
                     close[i] = real(NEAR)
                 if wants[0] > real(0.0):
                     acts[i] = 1
-                    wanted[i] = -(wp.dot(n, meets(two, 4 * m + i, h, arcs, rig)) + wants[1])
+                    wanted[i] = -(wp.dot(n, meets(two, m, 4 * m + i, h, arcs, rig)) + wants[1])
         more = together(rig.work.A[m], before, wanted, soft, close, acts)
         T_a = t.vec3()
         T_b = t.vec3()
@@ -183,7 +156,7 @@ def sweeps(real, exact: bool = False):
             for i in range(count):
                 j = 4 * m + i
                 was = rig.c.rub[j]
-                u = meets(two, j, h, arcs, rig)
+                u = meets(two, m, j, h, arcs, rig)
                 if wp.static(not exact):
                     if biased == 1:
                         u += (real(BACK) / h) * rig.c.drift[j]
