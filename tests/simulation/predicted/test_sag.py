@@ -149,3 +149,14 @@ def test_a_run_sinks_as_far_as_is_said(make, steps, least, most):
     start = scene.things("Body")[k].motion.at(0.0)[2, 3]
     sunk = start - sim.plan.method("rigid").poses()[k, 2, 3]
     assert least < found.part(1.0 / scene.fps / sim.plan.clock.substeps) * found.size / sunk < most
+
+
+@pytest.mark.parametrize("r, half, least, most", [(0.0125, 0.0003, 12, 20), (0.001, 0.001 / 12.0, 10, 20)])
+def test_a_coin_on_its_rim_wants_what_keeps_it_upright(r, half, least, most):
+    """Runs of 2 s at 24 fps: it has fallen at `least` substeps, and stands at `most`; Dunkerley's rule is on the safe side."""
+    scene, M = floor(), np.eye(4)
+    M[:3, :3], M[2, 3] = about_axis(np.array([1.0, 0.0, 0.0]), 0.5 * np.pi), r
+    scene.add(Body("/coin", [Collider("/coin/shape", Cylinder(r, half))], Motion.still(M)))
+    found = need(scene)
+    assert found.cause == "leans" and least < found.substeps(24.0) <= 1.5 * most
+    assert "lean over" in found.warnings(scene, 10)[0]
