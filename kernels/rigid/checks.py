@@ -5,6 +5,8 @@
     gap of a joint      largest |g - goal| of a locked row over GAP of the size of its smaller body [m], over ANGLE [rad]
     overlap             largest depth of a point of a manifold over OVERLAP of the least width of the bodies that meet there and
                         what they go in a substep: an impact is not a stack that sinks
+    rolling             facets or radians that pass below a body in a substep (kernels/rigid/narrow/rolling.py), once LASTED of
+                        them have at more than MANY in frames on end: what lands or tumbles once is soon over
 
 What is over 1 is told, in thousandths, by the largest of a world: of whole numbers that does not depend on the order.
 
@@ -23,10 +25,17 @@ from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import functions
 from wsim.kernels.rigid.joint.tables import LOCKED, NONE
+from wsim.kernels.rigid.lists.renewal import meeting
+from wsim.kernels.rigid.lists.rows import posing
 from wsim.kernels.rigid.motion import double, structs
+from wsim.kernels.rigid.narrow.rolling import passing
+from wsim.kernels.rigid.narrow.shape import hulls
 
 GAP = wp.constant(wp.float64(0.01))            # of the size of the smaller body: seen at a glance; loops leave 1e-4 at most
 ANGLE = wp.constant(wp.float64(0.02))          # [rad]
+MANY = 0.35                                    # facets or [rad] in a substep
+SLOW = wp.constant(0.003)                      # [rad] in a substep: half of what 128 corners want
+LASTED = wp.constant(wp.float64(24.0))         # facets or [rad]
 OVERLAP = wp.constant(0.05)                    # of the least width: a stack that has sunk by so much is no stack any more
 
 
@@ -146,3 +155,50 @@ def check_overlap(real):
 
     return wp.kernel(check_overlap, name=f"check_overlap_{t.name}", module=f"wsim_balance_bodies_{t.name}",
                      enable_backward=False)
+
+
+@cache
+def check_rolling(real):
+    """Kernel over manifolds: what passes in the last substep k, of h [s]; found: of each world the most, 2^32 of a thousandth,
+    and the shape that it is of."""
+    Rig, t, Hulls = whole(real), types(real), hulls(real)
+    posed, twist, pass_by = posing(real)[1], meeting(real).twist, passing(real, MANY)
+
+    @wp.func
+    def told(shape: int, other: int, passed: real, rig: Rig, found: wp.array(dtype=wp.int64)):
+        if passed > real(MANY):
+            world = wp.max(rig.s.world[shape], rig.s.world[other])
+            thousandths = wp.int64(wp.min(real(1000.0) * passed, real(1.0e6)))
+            wp.atomic_max(found, world, (thousandths << wp.int64(32)) + wp.int64(shape))
+
+    def check_rolling(rig: Rig, H: Hulls, k: int, h: real, found: wp.array(dtype=wp.int64)):
+        m = wp.tid()
+        if rig.c.a[m] >= 0 and rig.c.count[m] > 0:
+            both = twist(m, k, h, rig)
+            o = both.o_a - both.o_b
+            least = real(0.5) * wp.length(o)                  # of what turns itself: a crate on rollers does not
+            if h * least > real(SLOW):
+                a = rig.c.a[m]
+                b = rig.c.b[m]
+                p = posed(m, k, rig)
+                n = rig.c.n[m]
+                if rig.s.frame[a] < rig.b.w.shape[0] and wp.length(both.o_a) >= least:
+                    told(a, b, pass_by(p.a, H, wp.transform_get_rotation(p.pose_a), o, -n, h), rig, found)
+                if rig.s.frame[b] < rig.b.w.shape[0] and wp.length(both.o_b) >= least:
+                    told(b, a, pass_by(p.b, H, wp.transform_get_rotation(p.pose_b), -o, n, h), rig, found)
+
+    return wp.kernel(check_rolling, name=f"check_rolling_{t.name}", module=f"wsim_check_rolling_{t.name}",
+                     enable_backward=False)
+
+
+@wp.kernel(module="wsim_balance_drives", enable_backward=False)
+def close_rolling(found: wp.array(dtype=wp.int64), substeps: int, lasted: wp.array(dtype=wp.float64),
+                  last: wp.array(dtype=wp.int64), word: wp.array(dtype=int)):
+    """Over worlds. lasted: facets or [rad] in frames on end; last: a copy of found, which is emptied."""
+    w = wp.tid()
+    thousandths = int(found[w] >> wp.int64(32))
+    lasted[w] = wp.where(thousandths > 0, lasted[w], wp.float64(0.0)) + wp.float64(0.001 * float(thousandths * substeps))
+    if lasted[w] > LASTED:
+        word[w] = thousandths
+    last[w] = found[w]
+    found[w] = wp.int64(0)

@@ -63,7 +63,7 @@ SCENE = (room("scene", "scene bodies solid solids curve.curve curve.motion fabri
          | room("scene.values", "table value") | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives winding")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt")
-       | room("simulation.predicted", "errors measured growth sweep_strain sag")
+       | room("simulation.predicted", "errors measured growth sweep_strain sag rolling")
        | room("simulation.measure", "indicators exceeded") | room("scene.nodal", "masses separate")
        | room("scene", "integrator methods samples")
        | room("model", "stage state status model midnodes launches kernel_cache structs vjp warp_private")

@@ -36,6 +36,8 @@ cost, in proportion. Stiffer contacts take more sweeps, and are no cheaper (CPU 
     h w = pi, 10 x 20; 10 x 4               0.91 ms, 10.8 %; falls    17 ms, 15.6 %; falls
     h w = 6, 10 x 20                        1.03 ms, 3.0 %            falls
 
+Bodies that roll or spin on others at the start want substeps too: `wsim.simulation.predicted.rolling`.
+
 Sweeps stay the scene's. Where somebody named the substeps, or something else decides, a run in which bodies sink by more than
 BAD, or bear more than LEANS, says so.
 """
@@ -48,6 +50,7 @@ import numpy as np
 
 from wsim.scene import Scene
 from wsim.scene.bodies import Unnamed
+from wsim.simulation.predicted.rolling import FEW, MANY, Roll, rolling
 
 if TYPE_CHECKING:
     from wsim.simulation.predicted.bearing import Bodies, Net
@@ -72,6 +75,7 @@ class Need:
     slender     prim path of the body that is nearest to leaning over
     tips        its stack bears tips (h / (h w))^2 of the load under which it buckles [1/s^2]
     work        of all weights over their sags, times (h / (h w))^2 [J/s^2]
+    roll        the body that rolls fastest over what is below it
     """
 
     path: str = ""
@@ -81,6 +85,7 @@ class Need:
     slender: str = ""
     tips: float = 0.0
     work: float = 0.0
+    roll: Roll = Roll()
 
     def part(self, h: float) -> float:
         """Sag over the size, at substeps of h [s]."""
@@ -91,26 +96,36 @@ class Need:
         hold k (2 d)^2 / 2, twice the work of the weights over it."""
         return 2.0 * self.work * (h / TURN)**2
 
+    @property
+    def rates(self) -> dict[str, float]:
+        """Substeps a second that keep the sag at GOOD, stacks upright, and follow what rolls."""
+        return {"sinks": (self.rate / GOOD)**0.5 / TURN, "leans": (self.tips / UPRIGHT)**0.5 / TURN,
+                "rolls": self.roll.rate / FEW}
+
     def substeps(self, fps: float) -> int:
-        """Substeps a frame that keep it at GOOD, and upright."""
-        return max(1, ceil(max(self.rate / GOOD, self.tips / UPRIGHT)**0.5 / TURN / fps - 1e-9))
+        """Substeps a frame that are enough for all of it."""
+        return max(1, ceil(max(self.rates.values()) / fps - 1e-9))
 
     @property
-    def leans(self) -> bool:
-        """True if it takes more substeps that a stack stays upright than that no body sinks."""
-        return self.tips / UPRIGHT > self.rate / GOOD
+    def cause(self) -> str:
+        """What takes most of them."""
+        return max(self.rates, key=lambda name: self.rates[name])
 
-    def percent(self, fps: float, n: int) -> str:
-        """Part of what decides, in words."""
-        return f"{100.0 * (self.tips if self.leans else self.rate) / (TURN * fps * n)**2:.3g} %"
+    def figure(self, fps: float, n: int) -> str:
+        """The figure that decides, in words."""
+        if self.cause == "rolls":
+            return f"{self.roll.rate / fps / n:.2g}"
+        return f"{100.0 * (self.tips if self.cause == 'leans' else self.rate) / (TURN * fps * n)**2:.3g} %"
 
     def says(self, fps: float, n: int) -> str:
         """Words of what n substeps a frame leave."""
-        if self.leans:
-            return f"{self.slender} and what is below it bear {self.percent(fps, n)} of the load under which they lean over"
+        if self.cause == "rolls":
+            return self.roll.says(1.0 / fps / n)
+        if self.cause == "leans":
+            return f"{self.slender} and what is below it bear {self.figure(fps, n)} of the load under which they lean over"
         where = "a body there, once it has fallen" if self.falls else "the least height of a body on the way down"
         depth = length(self.part(1.0 / fps / n) * self.size)
-        return f"{self.path} sinks at rest by about {depth}, {self.percent(fps, n)} of {length(self.size)} ({where})"
+        return f"{self.path} sinks at rest by about {depth}, {self.figure(fps, n)} of {length(self.size)} ({where})"
 
     def told(self, scene: Scene, n: int) -> str:
         """Reason of n substeps, where they are those that were chosen for the bodies; else ""."""
@@ -118,15 +133,18 @@ class Need:
         if not isinstance(scene.substeps, Unnamed) or not n == scene.substeps > least:
             return ""
         return f"{n} substeps for rigid bodies, about {n / least:.2g} times the time of {least}: {self.says(scene.fps, n)}; " \
-            f"by {least} it would be {self.percent(scene.fps, least)}"
+            f"by {least} it would be {self.figure(scene.fps, least)}"
 
     def warnings(self, scene: Scene, n: int) -> list[str]:
         """A warning where n substeps a frame are too few."""
         h, good = 1.0 / scene.fps / n, self.substeps(scene.fps)
-        if self.part(h) <= (PILED if self.falls else BAD) and self.tips * (h / TURN)**2 <= LEANS:
+        if (self.part(h) <= (PILED if self.falls else BAD) and self.tips * (h / TURN)**2 <= LEANS
+                and self.roll.rate * h <= MANY):
             return []
-        path = self.slender if self.leans else self.path
-        other = "smaller ratios of mass" if isinstance(scene.substeps, Unnamed) else "leave out wsim:substeps"
+        path = {"sinks": self.path, "leans": self.slender, "rolls": self.roll.path}[self.cause]
+        other = "leave out wsim:substeps"
+        if isinstance(scene.substeps, Unnamed):
+            other = "let it turn slower" if self.cause == "rolls" else "smaller ratios of mass"
         return [f"warning: {path}: {n} substeps a frame are few for rigid bodies: {self.says(scene.fps, n)}; give --substeps "
                 f"{good}, or {other}"]
 
@@ -166,7 +184,7 @@ def need(scene: Scene) -> Need:
     falls = ~(rests | bodies.held)
     if (falls[bodies.group] & (bodies.width < inf)).any():
         found += [_piled(bodies, falls[bodies.group]), _landed(bodies, falls)]
-    return max(found, key=lambda n: (n.substeps(scene.fps), n.rate))
+    return replace(max(found, key=lambda n: (n.substeps(scene.fps), n.rate)), roll=rolling(bodies))
 
 
 def _resting(bodies: "Bodies", net: "Net", u: np.ndarray, rests: np.ndarray) -> Need:

@@ -42,8 +42,18 @@ def test_the_steady_precession_of_a_coin_is_that_of_its_equations_of_motion(name
 
 
 @pytest.mark.parametrize("name", first_and_slow(["thick", "thin"]))
-def test_a_leaning_coin_precesses_as_it_should_and_its_error_is_of_first_order(name):
+def test_a_leaning_coin_precesses_as_it_should(name):
     check_case(f"coin/{name}")
+
+
+@pytest.mark.parametrize("name", first_and_slow(["0.1x0.001/5", "0.1x0.001/40", "0.1x0.01/20", "0.0125x0.001/20"]))
+def test_an_eulers_disc_keeps_its_energy_to_second_order(name):
+    check_case(f"coin/spun/{name}")
+
+
+@pytest.mark.parametrize("lean", first_and_slow(["0", "25"]))
+def test_a_prism_rolls_with_the_substeps_that_its_facets_want(lean):
+    check_case(f"prism/auto/{lean}")
 
 
 def test_a_prism_of_many_sides_loses_what_its_edges_take():

@@ -35,7 +35,8 @@ WORD = "energy gained"
 FIELDS = (Field("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),
           Field("balance_most", "J", True, "largest kinetic energy so far", "double"),
           Field("balance_substeps", "", True, "substeps of a frame, where the checks have raised them, else 0", "double"),
-          Field("balance_rises", "", True, "how often they have", "double"))
+          Field("balance_rises", "", True, "how often they have", "double"),
+          Field("balance_rolled", "", True, "facets or radians passed below what rolls, in frames on end", "double"))
 FIELDS_OF = ("balance_lowest", "balance_most")
 
 
@@ -65,7 +66,7 @@ class Balance(Method):
         self.figures: Any = None
         if terms.rigid:
             from wsim.simulation.measure.checks.figures import Figures
-            self.figures = Figures(b, terms.rigid)
+            self.figures = Figures(b, terms.rigid, self.part.arrays["balance_rolled"])
             for kernel in self.figures.kernels:
                 b.model.modules[kernel.module.name] = b.model.block if device.is_cuda else 1
         b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
@@ -124,7 +125,7 @@ class Balance(Method):
         """Launches all checks of a frame."""
         self.close()
         if self.figures:
-            self.figures.launch(clock.h)
+            self.figures.launch(clock)
 
     def close(self, begins: bool = False) -> None:
         """Launches the terms and the balance. begins: where a frame begins."""
@@ -140,7 +141,7 @@ class Balance(Method):
             found.append(Remedy("give way", why=f"{self.clock.steps} substeps do not resolve what happens"))
         elif gained:
             found.append(Remedy("check", why="energy gained"))
-        return found + (self.figures.retry(status) if self.figures else [])
+        return found + (self.figures.retry(status, self.clock.steps) if self.figures else [])
 
     @property
     def raised(self) -> bool:

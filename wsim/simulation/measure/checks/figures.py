@@ -1,4 +1,4 @@
-"""Figures of rigid bodies that are bad at the end of a frame: joints that gape, shapes that overlap.
+"""Figures of rigid bodies that are bad at the end of a frame: joints that gape, shapes that overlap, what rolls too fast.
 
 Bounds are relative to the sizes of the bodies (kernels/rigid/checks.py). Which prims they are of is found on the host, for a
 warning alone."""
@@ -9,9 +9,10 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.rigid import checks
-from wsim.model.stage import Remedy
+from wsim.model.stage import Clock, Remedy
 from wsim.model.status import Status
 from wsim.scene import Box, Capsule, Surface
+from wsim.simulation.measure.checks.rolling import Rolling
 
 GAPS, OVERLAPS = "joints that gape", "shapes that overlap"
 
@@ -19,7 +20,7 @@ GAPS, OVERLAPS = "joints that gape", "shapes that overlap"
 class Figures:
     """rigid: the method of bodies (`wsim.physics.rigid.method.Rigid`)."""
 
-    def __init__(self, b, rigid):
+    def __init__(self, b, rigid, rolled: wp.array):
         self.model, self.rigid, self.status = b.model, rigid, b.status
         self.kernels: list = []
         self.launches = 0
@@ -37,18 +38,24 @@ class Figures:
             self.width = wp.array(np.array(widths, np.float32), dtype=float, device=device)
             self.check_overlap = checks.check_overlap(b.model.real)
             self.kernels.append(self.check_overlap)
+        self.rolling = Rolling(b, rigid, rolled) if Rolling.wanted(rigid) else None
+        self.kernels += self.rolling.kernels if self.rolling else []
 
-    def launch(self, h: float) -> None:
-        """Launches the checks. h: substep [s]."""
+    def launch(self, clock: Clock) -> None:
+        """Launches the checks."""
         joints, contacts = self.rigid.joints, self.rigid.contacts
         if joints and joints.count:
             self.model.launch(checks.check_joints, joints.count, [joints.linked, self.size, self.model.worlds],
                               [self.status.word(GAPS)])
         if contacts:
-            self.model.launch(self.check_overlap, contacts.room, [contacts.rig(), h, self.width], [self.status.word(OVERLAPS)])
+            self.model.launch(self.check_overlap, contacts.room, [contacts.rig(), clock.h, self.width],
+                              [self.status.word(OVERLAPS)])
+        if self.rolling:
+            self.rolling.launch(clock)
 
-    def retry(self, status: Status) -> list[Remedy]:
-        return [Remedy("check", why=name) for name in (GAPS, OVERLAPS) if status.said(name).any()]
+    def retry(self, status: Status, steps: int) -> list[Remedy]:
+        found = [Remedy("check", why=name) for name in (GAPS, OVERLAPS) if status.said(name).any()]
+        return found + (self.rolling.retry(status, steps) if self.rolling else [])
 
     def notes(self, status: Status, steps: int, at_start: str) -> list[tuple[tuple, float, str]]:
         """Warnings: prims, the figure, what helps. steps: substeps now; at_start: what helps in the first frames besides."""
@@ -62,7 +69,7 @@ class Figures:
             one, other, deep = self.worst_overlap()
             found.append(((OVERLAPS,), deep, f"{one} and {other} overlap by {{worst}} m; give more substeps (now {steps}), or "
                           f"masses that are more alike{at_start}"))
-        return found
+        return found + (self.rolling.notes(status, steps) if self.rolling else [])
 
     def worst_joint(self) -> tuple[str, float, float]:
         """Path, gap [m] and angle [rad] of the joint that is worst, the figure that is not 0."""

@@ -1,0 +1,79 @@
+"""Facets that pass below bodies which start to roll or spin on others, and the substeps a frame that follow them. NumPy only.
+
+A hull that turns by omega on what it touches goes over omega / 2 pi times as many facets a second as it has in a turn, and the
+contact of a coin that leans goes round by |de / dt|, see kernels/rigid/narrow/rolling.py: a substep in which more than
+MANY facets or radians pass loses speed, and FEW are enough. Here they are counted at the start, for what touches something
+there; what begins to roll later is seen as it runs (`wsim.simulation.measure.checks.rolling`).
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from wsim.simulation.predicted.bearing import Bodies
+
+FEW, MANY = 0.25, 0.35 # facets or [rad] in a substep; MANY as kernels/rigid/checks.py has it
+SAMPLES, SAME, FLAT = 256, 1e-3, 1e-2          # as kernels/rigid/narrow/rolling.py has them
+BRIEF = 1e-4           # [rad] of turn, over which the rate of a rim is taken
+ROLLS = {"hull": "rolls over {} facets of its hull", "rim": "goes round on its rim by {} rad"}
+
+
+def facets(points: np.ndarray, axis: np.ndarray, n: np.ndarray) -> int:
+    """Facets of a hull (p, 3) that pass in a turn about a unit vector, beginning with the unit vector n outward."""
+    along = (n @ axis) * axis
+    x = n - along
+    a = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    d = along + np.cos(a)[:, None] * x + np.sin(a)[:, None] * np.cross(axis, x)
+    best = points[np.argmax(d @ points.T, axis=1)]
+    turning = best - (best @ axis)[:, None] * axis
+    moved = np.linalg.norm(turning - np.roll(turning, 1, axis=0), axis=1)
+    return int((moved > SAME * np.linalg.norm(points, axis=1).max()).sum())
+
+
+def rim_rate(axis: np.ndarray, spin: np.ndarray, n: np.ndarray) -> float:
+    """Rate [rad/s] at which the place of a rim that touches goes round, seen from outside. axis, n: unit vectors."""
+    speed = float(np.linalg.norm(spin))
+    across = n - (n @ axis) * axis
+    if speed == 0.0 or np.linalg.norm(across) < FLAT:
+        return 0.0
+    time = BRIEF / speed
+    later = axis + time * np.cross(spin, axis)
+    later /= np.linalg.norm(later)
+    then = n - (n @ later) * later
+    return float(np.arctan2(np.linalg.norm(np.cross(across, then)), across @ then)) / time
+
+
+@dataclass(frozen=True)
+class Roll:
+    """path rolls or spins at the start: so many facets or radians pass a second; kind: of `ROLLS`."""
+
+    path: str = ""
+    rate: float = 0.0
+    kind: str = "hull"
+
+    def says(self, h: float) -> str:
+        """Words of what passes in a substep of h [s]."""
+        return f"{self.path} {ROLLS[self.kind].format(f'{h * self.rate:.2g}')} in a substep"
+
+
+def rolling(bodies: "Bodies") -> Roll:
+    """The body that touches something at the start and rolls over most."""
+    s, t, found = bodies.solids, bodies.touches, Roll()
+    spins = np.array([*[body.spin for body in bodies.bodies], np.zeros(3)], np.float64)      # of what stands: the last
+    for a, b, n in zip(t.a, t.b, t.n, strict=True):
+        for shape, other, out in ((a, b, -n), (b, a, n)):
+            own = spins[s.body[shape]] if shape >= 0 else np.zeros(3)
+            spin = own - (spins[s.body[other]] if other >= 0 else 0.0)
+            speed = float(np.linalg.norm(spin))
+            if speed == 0.0 or np.linalg.norm(own) < 0.5 * speed:
+                continue
+            R, rate, kind = s.axes[shape], 0.0, "rim" if s.disc[shape] > 0.0 else "hull"
+            if kind == "rim":
+                rate = rim_rate(R[:, 2], spin, out)
+            elif s.hulls[shape] >= 0 and np.linalg.norm(np.cross(out, spin / speed)) > FLAT:
+                rate = facets(s.vertices[s.hulls[shape]], R.T @ spin / speed, R.T @ out) * speed / (2.0 * np.pi)
+            if rate > found.rate:
+                found = Roll(bodies.bodies[s.body[shape]].path, rate, kind)
+    return found
