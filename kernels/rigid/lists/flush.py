@@ -22,7 +22,7 @@ from wsim.kernels.rigid.narrow.shape import MESH, extent, hulls, shape, support
 
 FLUSH = wp.constant(1.0e-3)            # of the size: steps lower than that are none
 SLOPE = wp.constant(5.0e-3)            # by which the plane, often that of a face of the body, may lean against J
-SAME = wp.constant(1.0e-6)             # 1 - cosine of two normals that are one
+SAME = wp.constant(2.0e-5)             # sine of the angle of two normals that are one: more would push a ball off a seam
 
 
 def flush(kinds: frozenset[str], real, module):
@@ -105,7 +105,7 @@ def flush(kinds: frozenset[str], real, module):
         more = bool(True)
         while more:
             if rig.c.b[i] != rig.c.b[m] and rig.c.count[i] > 0 and rig.s.frame[rig.c.b[i]] >= rig.b.w.shape[0]:
-                if wp.dot(normal(i, k, rig), normal(m, k, rig)) < real(1.0) - real(SAME) and below(i, m, k, low, rig):
+                if wp.length(wp.cross(normal(i, k, rig), normal(m, k, rig))) > real(SAME) and below(i, m, k, low, rig):
                     if height(i, m, k, H, rig) <= low + lean and height(m, i, k, H, rig) > low:
                         found = True
             i += 1
