@@ -189,5 +189,5 @@ def test_what_cannot_be_recorded_is_not_put_down_to_the_start(monkeypatch):
     with pytest.raises(SceneError, match="/sheet: has tethers or a strain limit, which pull at pins without a law"):
         wsim.fit(scene, forces, "stretch[]", settings=CPU)
     monkeypatch.setattr(checkpoints, "free", lambda device: 1e4)
-    with pytest.raises(SceneError, match="error: memory: recording .* frames of 20 substeps keeps"):
+    with pytest.raises(SceneError, match="memory: recording .* frames of 20 substeps keeps"):
         wsim.fit(net(), seen(net(), [6]), "stiffness[]", settings=CPU)

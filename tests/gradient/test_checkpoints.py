@@ -40,6 +40,7 @@ def test_what_is_kept_was_foreseen(keep):
     assert len(found.slots.chunks) <= 2 and found.slots.chunks[0][0].size >= 0.95 * found.slots.used[0]
 
 
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="needs /proc of Linux")
 @pytest.mark.parametrize("springs, frames", [(11, 150), (3000, 40)])
 def test_resident_memory_grows_by_no_more_than_is_said(springs, frames):
     """Arrays of many springs, and launches on few. Graphs that keep the memory around what they clear take 20 times as much."""

@@ -103,16 +103,17 @@ def slopes(r: Recording, gradient, name: str, step: float) -> tuple[float, float
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in SCENES if kind != "stack"])
 def test_every_contact_has_the_slope_of_differences(kind):
-    """Residuals of 1e-12 m/s (1e-9 where many points stick), by steps of 2e-5, or 1e-3: what differences tell."""
+    """Residuals of 1e-12 m/s (1e-9 where many points stick), by steps of 2e-5, or 1e-3: what differences tell. The box that
+    tumbles lands on one more corner if it is turned by 2e-5, a jump of the loss by 1e-8: steps of 2e-6."""
     r = recorded(kind)
     r.run()
     poses, twists = seeds(r)
     gradient = r.backward(poses=poses, twists=twists)
-    sticks = kind == "box on box"
+    sticks, step = kind == "box on box", {"box on box": 2e-3, "tumbling box": 2e-6}.get(kind, 2e-5)
     assert r.bodies.left < (5e-9 if sticks else 1e-11)
     for name in NAMES if kind != "tumbling box" else [name for name in NAMES if "friction" not in name]:
         name = name.replace("/a", "/b") if sticks else name                     # the one that slides
-        found, expected = slopes(r, gradient, name, 2e-3 if sticks else 2e-5)
+        found, expected = slopes(r, gradient, name, step)
         size = max(abs(expected), 1.0 if name == "gravity" else 0.01)
         assert found == pytest.approx(expected, rel=1e-6, abs=1e-7 * size), name
 
