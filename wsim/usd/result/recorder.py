@@ -108,8 +108,8 @@ class Recorder:
 
     def _open(self, velocities: bool, normals: bool) -> None:
         layer = self.file.layer
-        put_over(self.source, layer, os.path.dirname(self.path))
         delegate = UsdUtils.CoalescingDiagnosticDelegate()     # the loader has reported what does not compose
+        put_over(self.source, layer, os.path.dirname(self.path))
         self.stage: Any = Usd.Stage.Open(layer)
         delegate.TakeUncoalescedDiagnostics()
         self.stage.SetEditTarget(layer)
