@@ -178,7 +178,7 @@ FORCES = """
     }
     SUM_LANES
     if (AIR) {                                                  // as kernels/cloth/air.py: drag cannot overshoot
-        const float z = kick * own.w * damp, part = 1.f / (1.f + z * z);
+        const float much = kick * own.w * damp, part = 1.f / (1.f + much * much);
         for (int k = 0; k < 3; ++k) f[k] = fmaf(part, blow[k], f[k]);
     }
     for (int k = 0; k < 3; ++k) own.a[k] = own.w * f[k] + own.gravity[k] - own.decay * own.q[k];
