@@ -7,8 +7,9 @@ springs k strain, of a sheet stretch strain + bend (pi / l)^2. Where the sum is 
 
 in air that takes the body with it at the rate c [1/s]. Leapfrog of steps h errs, over the size L, by the sum of
 
-    p       LEAP g h^2 / L + (c h)^2 w / 2 L: w is the way that the points have gone (RMS speed, summed); half of what the air
-            changes in a step is that of the step before. SLIVERS where slivers have more mass, and what float32 rounds
+    p       LEAP (g + a) h^2 / L + (c h)^2 w / 2 L: a is what the wind accelerates by, w the way that the points have gone (RMS
+            speed, summed); half of what the air changes in a step is that of the step before. SLIVERS where slivers have more
+            mass, and what float32 rounds
     hits    HIT h v / L once something touches a collider, v the largest RMS speed since the frame before: met at some time
             of a step
     edges   a sheet's points beside an edge of a box, or a rim, go to one side or the other of it, whatever the steps:
@@ -94,7 +95,8 @@ class Leapfrog(Growth):
         self.edges, self.edged = [] if soft else [c for c in sim.scene.colliders if type(c.shape) in BESIDE], 0.0
         choice, bodies = sim.plan.choice, errors.falls(sim.model)
         self.h, self.way, self.speed, self.fastest = self.dt / choice.steps, 0.0, 0.0, 0.0
-        self.plain = errors.LEAP * max(b.g for b in bodies) * self.h**2 / self.size + choice.slowed * errors.SLIVERS
+        pulled = max(b.g + a for b, (a, _) in zip(bodies, errors.aired(sim.model), strict=True))
+        self.plain = errors.LEAP * pulled * self.h**2 / self.size + choice.slowed * errors.SLIVERS
         self.rounded = TETS if soft else SHEETS
         self.before = 0.0
 
