@@ -12,6 +12,10 @@
     narrow      poisson of a membrane, and stretch
     wind        wind along a sheet and across it, and how thick the air is (air_drag)
     friction    of a net that slides to rest on the floor
+    weigh       mass of a rigid body that a known force pushes
+    slide       friction of a floor on which a box comes to rest
+    pull        mass of a box and friction of its floor, by a known force across the way that it slides
+    strike      mass of a ball, by the other one that it strikes
 
 and `fine`, of a sheet of 15 x 15 points observed as 29 x 29 points are by Runge-Kutta of order 4 with half the step: what a
 coarse mesh makes of its parameters is no noise, and the fit is to say so.
@@ -23,14 +27,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from tools.bench.nets import reference
-from wsim import Bulk, Fabric, Motion, Plane, Scene, Simulation
-from wsim.fitting import Pull, Settings, Track, fit
-from wsim.scene import shapes
+from wsim import Box, Bulk, Fabric, Motion, Plane, Scene, Simulation, Sphere
+from wsim.fitting import Markers, Pull, Settings, Track, fit
+from wsim.physics.rigid.objects import Body
+from wsim.scene import Collider, shapes
 
 
 @dataclass
 class Case:
-    """A scene, what is seen of it without noise (frames, n, 3) [m], the noise [m], true values, and where fits start."""
+    """A scene, what is seen of it without noise (frames, n, 3) [m], the noise [m], true values, and where fits start. body:
+    path of the rigid body of which x are the poses, (frames, 4, 4)."""
 
     scene: Scene
     x: np.ndarray
@@ -41,6 +47,7 @@ class Case:
     points: np.ndarray | None = None
     forces: np.ndarray | None = None            # of the first pin [N]
     force_noise: float = 0.0
+    body: str = ""
     together: Callable[[dict[str, float]], float] | None = None      # what alone matters of parameters that are not known apart
 
     @property
@@ -50,6 +57,10 @@ class Case:
     def seen(self, seed: int) -> list[Track]:
         """With a draw of noise, of each experiment its own; its size is told where there are forces beside positions."""
         rng, sigma = np.random.default_rng([seed, *"".join(self.truth).encode()]), None if self.forces is None else self.noise
+        if self.body:
+            marked = Markers.of(self.body, self.frames, self.x, size=0.3)
+            marked.positions += self.noise * rng.normal(size=marked.positions.shape)
+            return [marked]
         found = [Track(self.path, self.frames, self.x + self.noise * rng.normal(size=self.x.shape), self.points, sigma=sigma)]
         if self.forces is not None:
             noisy = self.forces + self.force_noise * rng.normal(size=self.forces.shape)
@@ -180,6 +191,50 @@ def friction() -> Case:
     return plain(scene, 1e-3, {"dynamic_friction": 0.3}, {"dynamic_friction": 0.1})
 
 
+def rigid(frames: int = 20) -> Scene:
+    return Scene(gravity=(0.0, 0.0, -9.81), up="Z", fps=60.0, frames=frames, substeps=4, contact_tolerance=1e-10)
+
+
+def watched(scene: Scene, path: str, truth: dict[str, float], start: dict[str, float]) -> Case:
+    """The poses of a rigid body, to a millimetre."""
+    sim, found = Simulation(scene, device="cpu", precision="float64"), []
+    sim.run(scene.frames, lambda s: found.append(s.poses(path)[path]))
+    return Case(scene, np.array(found), 1e-3, truth, start, np.arange(1, scene.frames + 1), body=path)
+
+
+def weigh() -> Case:
+    scene = rigid()
+    scene.add(Body("/body", mass=0.4, center=np.zeros(3), inertia=np.ones(3), velocity=(3.0, 0.0, 4.0), force=(5.0, 0.0, 0.0)))
+    return watched(scene, "/body", {"mass": 0.4}, {"mass": 1.2})
+
+
+def floored(floor: float, **more) -> Scene:
+    """A box on a floor, of which friction is the mean of both."""
+    scene = rigid()
+    scene.collider("/floor", Plane("Z"), static_friction=floor, dynamic_friction=floor)
+    shape = Collider("/box/shape", Box((0.2, 0.15, 0.04)), static_friction=0.35, dynamic_friction=0.35)
+    scene.add(Body("/box", [shape], Motion.at_place((0.0, 0.0, 0.04 - 1e-9)), mass=0.8, **more))
+    return scene
+
+
+def slide() -> Case:
+    return watched(floored(0.55, velocity=(1.2, 0.0, 0.0)), "/box", {"/floor:dynamic_friction": 0.55},
+                   {"/floor:dynamic_friction": 0.55 / 3.0})
+
+
+def pull() -> Case:
+    scene = floored(0.3, velocity=(2.5, 0.0, 0.0), force=(0.0, 3.0, 0.0))
+    return watched(scene, "/box", {"mass": 0.8, "/floor:dynamic_friction": 0.3}, {"mass": 2.4, "/floor:dynamic_friction": 0.1})
+
+
+def strike() -> Case:
+    scene = rigid()
+    for path, mass, x, v in (("/first", 0.5, 0.0, 2.0), ("/second", 1.0, 0.35, 0.0)):
+        shape = Collider(f"{path}/ball", Sphere(0.1), restitution=0.6, static_friction=0.0, dynamic_friction=0.0)
+        scene.add(Body(path, [shape], Motion.at_place((x, 0.03 * (path == "/first"), 1.0)), mass=mass, velocity=(v, 0.0, 0.0)))
+    return watched(scene, "/second", {"/first:mass": 0.5}, {"/first:mass": 1.5})
+
+
 def fine() -> Case:
     def sheet(cells: int, substeps: int, integrator: str) -> Scene:
         scene = Scene(fps=24, frames=10, solver="explicit", substeps=substeps, integrator=integrator)
@@ -194,4 +249,4 @@ def fine() -> Case:
 
 
 CASES: dict[str, Callable[[], Case]] = {f.__name__: f for f in (net, drag, chain, program, bar, reaction, poisson, warp, fold,
-                                                                narrow, wind, friction, fine)}
+                                                                narrow, wind, friction, weigh, slide, pull, strike, fine)}
