@@ -84,6 +84,10 @@ def hull(indices: str) -> str:
             '[(0, 0, 1), (1, 0, 1), (0, 1, 1), (0, 0, 2)] }' + GROUND)
 
 
+def pin(more: str) -> str:
+    return f'def PhysicsAttachment "Pin" {{ rel physics:src0 = </Cloth>; int[] physics:indices0 = [0]; {more} }}'
+
+
 def keyed(op: str, kind: str, samples: str, order: str) -> str:
     """An obstacle whose transform has keys, beside a box on the ground."""
     return (f'def Cube "Mover" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {{ double size = 0.5; {kind} xformOp:{op}.timeSamples = {samples}; '
@@ -192,6 +196,13 @@ FAULTS = {
                            '(prepend apiSchemas = ["PhysicsMaterialAPI"]) { float physics:density = -5 }', "/Lead", "physics:density is -5",
                            "author another density"),
     "owner is gone": (box(more="rel physics:simulationOwner = </Gone>") + GROUND, "/Box", "simulationOwner names /Gone", "name one"),
+    "held far away": (cloth() + pin("vector3f[] physics:coords1 = [(50, 0, 1)]"), "/Pin", "holds point 0 of /Cloth 50 m from where it starts",
+                      "author physics:coords1"),
+    "held by itself": (cloth() + pin("rel physics:src1 = </Cloth>"), "/Pin", "src1 names /Cloth, which it holds itself", "name an Xform"),
+    "rigid and soft": (cloth().replace('"PhysicsDeformableBodyAPI",', '"PhysicsRigidBodyAPI", "PhysicsDeformableBodyAPI",'), "/Cloth",
+                       "has PhysicsRigidBodyAPI and PhysicsDeformableBodyAPI", "take one of them off"),
+    "two domains": (WATER.replace('["WsimLiquidDomainAPI"]', '["WsimLiquidDomainAPI", "WsimFluidDomainAPI"]'), "/Water",
+                    "one prim is one domain", "on another Cube"),
     "variant is none": ('def Xform "Set" (variants = {\nstring look = "red"\n}\nprepend variantSets = "look"\n) {\nvariantSet "look" = {\n"blue" '
                         '{\n}\n}\n}\n' + box() + GROUND, "/Set", "variant set look has no variant 'red'", "choose one of blue"),
     "size is NaN": ('def Cylinder "Post" (prepend apiSchemas = ["PhysicsCollisionAPI"]) { double height = nan }' + box(at="4, 0, 0.5") + GROUND,

@@ -34,6 +34,10 @@ def load(reading: Reading, prim: Usd.Prim) -> Fluid | Source | None:
         reading.fail(prim.GetPath(), f"has {names.WSIM_DOMAIN} and {names.WSIM_SOURCE}; a source that fills a domain is a prim "
                      "of its own: author the source on another Cube")
         return None
+    if domain and names.WSIM_LIQUID in applied(prim):
+        reading.fail(prim.GetPath(), f"has {names.WSIM_DOMAIN} and {names.WSIM_LIQUID}: one prim is one domain; author the "
+                     "other on another Cube")
+        return None
     return _domain(reading, prim) if domain else _source(reading, prim)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsim.scene import Cloth, Pin, Problem, Soft, Springs
-from wsim.scene.check.objects import error
+from wsim.scene.check.objects import error, warning
 
 APART = 1e-4       # of the body's size, by which two places of one point may differ
 TIMES = 64         # at which places are compared, at most
@@ -31,6 +31,18 @@ def held_twice(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Proble
                 yield error(two.path, f"it holds point {points[a[k]]} of {body.path}, which is held {other}, {away[k]:.3g} m "
                             f"away at t = {t:g} s", "one place a point", "take the point out of one of them, or give both the "
                             "same place, or one a finite stiffness")
+
+
+def held_far(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
+    """A warning of each hard pin that holds a point farther from where it starts than its body is large."""
+    size = float(np.ptp(body.motion.points(body.points), axis=0).max())
+    for pin in pins:
+        away = np.linalg.norm(_places(body, pin, 0.0) - body.motion.points(body.points[pin.points]), axis=1)
+        if away.max(initial=0.0) > size:
+            k = int(np.argmax(away))
+            far = f"it holds point {pin.points[k]} of {body.path} {away[k]:.3g} m from where it starts"
+            yield warning(pin.path, f"{far}, in a body of {size:.3g} m: it is torn there at once", "places where the points "
+                          "start, or near them", "author physics:coords1 in the frame of physics:src1, in units of the stage")
 
 
 def _times(pins: list[Pin]) -> list[float]:

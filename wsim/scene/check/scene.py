@@ -190,12 +190,11 @@ def _without_skeleton(scene: Scene) -> Iterator[Problem]:
 
 
 def _held(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Problem]:
-    """Points that are held hard more than once, by these pins, at more than one place."""
+    """Points that these pins hold hard far from where they start, or more than once at more than one place."""
+    from wsim.scene.check.pins import held_far, held_twice
     points = np.concatenate([np.zeros(0, np.int32), *(p.points for p in pins)])
-    if len(np.unique(points)) == len(points):
-        return []
-    from wsim.scene.check.pins import held_twice
-    return list(held_twice(body, pins))
+    twice = len(np.unique(points)) < len(points)
+    return [*held_far(body, pins), *(held_twice(body, pins) if twice else ())]
 
 
 def _pieces(body: Cloth | Springs | Soft) -> np.ndarray:

@@ -52,6 +52,9 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin |
     if points is None or len(points) == 0:
         reading.warn(path, "has no physics:indices0: it holds no point and is left out")
         return None
+    if target and target == source:
+        reading.fail(path, f"{names.SRC1} names {target}, which it holds itself; name an Xform, or nothing (world)")
+        return None
     pin = Pin(str(path), body.path, points)
     if not follows and not _hang(reading, prim, pin, target):
         return None

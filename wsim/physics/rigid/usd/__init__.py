@@ -66,6 +66,9 @@ def load(reading: Reading, prim: Usd.Prim) -> list:
 
 def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
     path = str(prim.GetPath())
+    if names.BODY in applied(prim):
+        reading.fail(path, f"has {names.RIGID_BODY} and {names.BODY}: it is rigid or it deforms; take one of them off")
+        return None
     if not simulated(reading, prim):
         return None
     if prim.IsInstanceProxy():
