@@ -3,6 +3,9 @@
     begin     impacts, forces, and the impulses that the substep before has left
     sweep     bodies against each other and against colliders, in turn with the points
     end       places, and sweeps without bias
+
+Where joints hold bodies that bounce, the impacts are a launch of their own (kernels/rigid/joint/impacts.py), and a fourth
+kernel makes arms and gaps ready for it.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,14 +19,16 @@ from wsim.kernels.rigid.passes import over_bodies
 
 
 def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
-               bouncing: bool = False) -> list:
-    """Kernels begin, sweep, end: substep steps[0] of a frame, of h [s], with steps[2] sweeps; others as `passes.substeps`."""
+               bouncing: bool = False, linked: bool = False) -> list:
+    """Kernels begin, sweep, end, and ready where linked bodies bounce, of substep steps[0] of a frame, of h [s], with steps[2]
+    sweeps; others as `passes.substeps`."""
     Rig, act = whole(real), [acts(kind, real) for kind in kinds]
     begun, placed, ended = over_bodies(real)
     prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
     warm = in_turn([by_colour(kind, a.warm, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
     solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
-    if bouncing:
+    apart = bouncing and linked
+    if bouncing and not apart:
         thrown = impacts(kinds[-1], meet, real)
     else:
         @wp.func
@@ -42,6 +47,12 @@ def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int
         meet()
         warm(i, threads, k, h, 1, rig)
 
+    def rigid_touch_ready(steps: wp.vec3i, h: real, threads: int, rig: Rig):
+        i = wp.tid()
+        placed(i, threads, steps[0], rig)
+        meet()
+        prepare(i, threads, steps[0], h, 1, rig)
+
     def rigid_touch_sweep(steps: wp.vec3i, h: real, threads: int, rig: Rig):
         for _sweep in range(steps[2]):
             solve(wp.tid(), threads, steps[0], h, 1, rig)
@@ -58,4 +69,4 @@ def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int
     more = {"launch_bounds": threads} if threads else {}
     more |= {"cluster_dim": cluster} if cluster else {}
     return [wp.kernel(each, name=each.__name__, module=module, enable_backward=False, grid_stride=False, **more)
-            for each in (rigid_touch_begin, rigid_touch_sweep, rigid_touch_end)]
+            for each in (rigid_touch_begin, rigid_touch_sweep, rigid_touch_end, *[rigid_touch_ready] * apart)]

@@ -9,9 +9,11 @@ from math import cos, degrees, sin
 import numpy as np
 import pytest
 
-from tools.bench.rigid.answers.stage import Stage, turned
+from tests.conftest import first_and_slow
+from tools.bench.rigid.answers.stage import NONE, Stage, turned
 from wsim.physics.rigid.joints.joint import all_locked, between
 from wsim.scene import Box, Sphere
+from wsim.scene.fabric import Fabric
 
 G, L = 9.81, 1.0
 
@@ -40,3 +42,18 @@ def test_a_hinged_ball_at_a_wall_and_a_cradle_keep_their_energy(rate):
     most = energy[0, 1:].sum() / G                                    # a frame may miss the top: 1/2 (1/48 s w)^2 of it
     assert abs((x[track.until(1.9), 3, 2] + L).max() / most - 1.0) < 0.5 * (np.sqrt(G / L) / 48.0)**2 + 5e-3
     assert np.ptp(v[:, 0, 0]) > 1.0 and (np.diff(np.sign(v[:, 0, 0])) < 0).sum() >= 2
+
+
+@pytest.mark.parametrize("solver", first_and_slow(["xpbd", "explicit", "implicit"]))
+def test_joints_take_part_in_blows_beside_a_cloth_too(solver):
+    """A far cloth cuts the substeps of bodies in parts (kernels/rigid/touch/step.py). It was lost at the wall."""
+    stage, r = Stage(24.0, 10, gravity=0.0, solver=solver), 0.2
+    stage.collider("/wall", Box((0.5, 1.0, 1.0)), (0.75 + r, 0.0, -L), rest=1.0, rub=0.0)
+    stage.scene.cloth("/sheet", np.array([(30.0, 0.0, 0.0), (31.0, 0.0, 0.0), (30.0, 1.0, 0.0)]), np.array([3]), np.arange(3),
+                      material=Fabric(density=200.0, thickness=1e-3, stretch=1e3, shear=300.0))
+    body = stage.body("/ball", Sphere(r), (0.0, 0.0, -L), NONE, (1.0, 0.0, 0.0), (0.0, -1.0 / L, 0.0), rest=1.0, rub=0.0,
+                      mass=1.0)
+    stage.scene.add(between("/hinge", None, body, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), limits=all_locked("rotX")))
+    track = stage.run(1.0)
+    energy = (track.v[:, 0]**2).sum(-1) + 0.4 * r * r * (track.w[:, 0]**2).sum(-1)
+    assert track.v[-1, 0, 0] < -0.5 and np.abs(energy / energy[0] - 1.0).max() < 2e-3

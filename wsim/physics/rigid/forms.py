@@ -103,12 +103,12 @@ class Form:
         rest = block.meet if self.wide else block.alone
         self.of = [launches.of_kind(kind, real, model.module, module, rest, sizes["threads"]) for kind in self.kinds]
 
-    def parts(self, make, bouncing: bool) -> Any:
+    def parts(self, make, bouncing: bool, **more) -> Any:
         """Kernels of threads that meet of another cut of a substep (`wsim.kernels.rigid.touch.step`)."""
         meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
         module = self.model.module_of(THREADS) if self.wide else self.model.module
         return make(self.kinds, self.model.real, module, meet, threads=THREADS * self.wide,
-                    cluster=self.blocks if self.blocks > 1 else 0, bouncing=bouncing)
+                    cluster=self.blocks if self.blocks > 1 else 0, bouncing=bouncing, **more)
 
     def launch(self, kernel, inputs: list, outputs: list, blocks: int = 0) -> None:
         """Launches all threads that meet, or so many blocks of them."""

@@ -18,7 +18,7 @@ class Substeps:
     def __init__(self, b, rigid):
         self.model, self.rigid = b.model, rigid
         self.form = rigid.contacts.form
-        self.step = self.form.parts(touch_step, rigid.contacts.bouncing)
+        self.step = self.form.parts(touch_step, rigid.contacts.bouncing, linked=rigid.joints is not None)
         self.joints = rigid.joints.passes() if rigid.joints else None
         size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
         if asked(b.scene):
@@ -43,6 +43,11 @@ class Substeps:
         """Forces on bodies; manifolds."""
         own, k = self.rigid.contacts, clock.k
         own.renew(clock, k)
+        if len(self.step) > 3:                           # joints take part in blows
+            self.form.launch(self.step[3], self.steps(clock), [])
+            self.joined(clock, lined=k)
+            joints = self.rigid.joints.with_contacts(own.work)
+            self.form.launch(self.form.kernels["thrown"], [self.form.threads, k, clock.h, own.rig(), joints], [])
         self.form.launch(self.step[0], self.steps(clock), [])
         self.joined(clock, lined=k, reset=(k, clock.h))
         self.joined(clock)
