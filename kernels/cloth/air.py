@@ -14,12 +14,13 @@ dv = g w F / (1 + g w K). So the normal drag alone gives v' = v / (1 + g c / m) 
 itself, a terminal velocity by g c / m. What is at rest stays so, since u is 0 there: what holds it up has yet to come. Explicit
 steps have gravity and elastic forces in u, and contacts have yet to come: there air carries h c / m of what lies on a collider.
 
-Leapfrog takes its forces where v = 2 v' - q + c / 2: v' = v + h a / 2 is that of the half step that follows, q = v' + h a / 2
-what damping sees, c what the air and contacts changed in the substep before. So r and u are of order 2, and
+Leapfrog evaluates the forces at the velocity v = 2 v' - q + c / 2. Here v' = v + h a / 2 is the velocity of the following half
+step, q = v' + h a / 2 the velocity that damping uses, and c the change by air and contacts in the substep before. So r and u
+are of order 2, and
 
     dv = kick w F / (1 + (h w K)^2)
 
-but at pins that move: their velocity is that of the half step, an error of order 1 (1e-5 of a 50 cm sheet that a pin swings).
+At pins that move, the velocity is that of the half step: an error of order 1 (1e-5 of a 50 cm sheet that a pin swings).
 """
 
 from functools import cache
@@ -52,7 +53,7 @@ def air(real):
 
 @cache
 def halves(real):
-    """Struct of what leapfrog knows between its half steps, as a launch reads it: see kernels/motion/explicit.py."""
+    """Struct of the state of leapfrog between its half steps, read only: see kernels/motion/explicit.py."""
     t = types(real)
 
     @wp.struct
@@ -115,7 +116,7 @@ def press(real, module):
 
 @cache
 def press_leap(real, module):
-    """Kernel: as `press`, of leapfrog."""
+    """Kernel: as `press`, for leapfrog."""
     t, Air, Half = types(real), air(real), halves(real)
 
     @wp.func
@@ -177,7 +178,7 @@ def blow(real, module):
 
 @cache
 def blow_leap(real, module):
-    """Kernel: as `blow`, of leapfrog: half of dv, too, is in what damping sees."""
+    """Kernel: as `blow`, for leapfrog: it also adds half of dv to the velocity that damping uses."""
     t, Half, (Corners, gather) = types(real), halves(real), gatherer(real)
 
     @own

@@ -10,7 +10,7 @@ import warp as wp
 from wsim.kernels.fluid.grid import structs
 from wsim.kernels.math.real import types
 
-MOST = 1 << 24         # steps that are counted
+MOST = 1 << 24         # largest number of steps that is counted
 
 
 @wp.func_native("""
@@ -59,8 +59,8 @@ def fastest(dim: int, real, module):
 
 @cache
 def begin(real, module):
-    """Kernel of one thread: the clock of a frame. way: what a step may cross [m]; the count is kept in least .. most. steps:
-    that count, and what the speed alone wants."""
+    """Kernel of one thread: the clock of a frame. way: distance that a step may cross [m]; least, most: bounds of the number
+    of steps. steps_out: the number of steps, and the number that the speed needs without these bounds."""
 
     def begin(speed: wp.array(dtype=real), frame: real, way: real, least: int, most: int, clock_out: wp.array(dtype=real),
               going_out: wp.array(dtype=int), steps_out: wp.array(dtype=int)):

@@ -1,19 +1,19 @@
-"""Marks of kernels: they say of a kernel's threads what others rely on.
+"""Marks of kernels: properties that other code relies on.
 
-    own      of all that changes, a thread touches only what belongs to its own point, and there is one thread a point: several
-             such kernels may follow each other without a wait between (wsim/physics/fused/program.py)
-    whole    a launch writes every entry of its outputs that is read later: on a tape (wsim/model/tape.py) they need not start
-             as copies of what they were
+    own      there is one thread a point, and of the arrays that change it reads and writes only the entries of its own point.
+             Several such kernels may follow each other without a barrier (wsim/physics/fused/program.py)
+    whole    a launch writes every entry of its outputs that is read later. On a tape (wsim/model/tape.py) the outputs need not
+             start as copies of their old values
 """
 
 
 def own(kernel):
-    """The kernel, marked: threads touch only what is their own."""
+    """Marks a kernel: a thread touches only the entries of its own point."""
     kernel.own = 1
     return kernel
 
 
 def whole(kernel):
-    """The kernel, marked: launches write all of their outputs."""
+    """Marks a kernel: a launch writes all of its outputs."""
     kernel.whole = True
     return kernel

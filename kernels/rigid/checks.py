@@ -5,8 +5,9 @@
     gap of a joint      largest |g - goal| of a locked row over GAP of the size of its smaller body [m], over ANGLE [rad]
     overlap             largest depth of a point of a manifold over OVERLAP of the least width of the bodies that meet there and
                         what they go in a substep: an impact is not a stack that sinks
-    rolling             facets or radians that pass below a body in a substep (kernels/rigid/narrow/rolling.py), once LASTED of
-                        them have at more than MANY in frames on end: what lands or tumbles once is soon over
+    rolling             facets or radians that pass below a body in a substep (kernels/rigid/narrow/rolling.py). It counts once
+                        LASTED of them have passed in successive frames at more than MANY a substep: a body that lands or
+                        tumbles once is left out
 
 What is over 1 is told, in thousandths, by the largest of a world: of whole numbers that does not depend on the order.
 
@@ -34,7 +35,7 @@ from wsim.kernels.rigid.narrow.shape import hulls
 GAP = wp.constant(wp.float64(0.01))            # of the size of the smaller body: seen at a glance; loops leave 1e-4 at most
 ANGLE = wp.constant(wp.float64(0.02))          # [rad]
 MANY = 0.35                                    # facets or [rad] in a substep
-SLOW = wp.constant(0.003)                      # [rad] in a substep: half of what 128 corners want
+SLOW = wp.constant(0.003)                      # [rad] in a substep; below it nothing is checked: half of what 128 corners need
 LASTED = wp.constant(wp.float64(24.0))         # facets or [rad]
 OVERLAP = wp.constant(0.05)                    # of the least width: a stack that has sunk by so much is no stack any more
 
@@ -159,8 +160,8 @@ def check_overlap(real):
 
 @cache
 def check_rolling(real):
-    """Kernel over manifolds: what passes in the last substep k, of h [s]; found: of each world the most, 2^32 of a thousandth,
-    and the shape that it is of."""
+    """Kernel over manifolds: facets or radians that pass in the last substep k, of h [s]. found: the largest of each world, in
+    thousandths times 2^32, plus the index of its shape."""
     Rig, t, Hulls = whole(real), types(real), hulls(real)
     posed, twist, pass_by = posing(real)[1], meeting(real).twist, passing(real, MANY)
 
@@ -194,7 +195,7 @@ def check_rolling(real):
 @wp.kernel(module="wsim_balance_drives", enable_backward=False)
 def close_rolling(found: wp.array(dtype=wp.int64), substeps: int, lasted: wp.array(dtype=wp.float64),
                   last: wp.array(dtype=wp.int64), word: wp.array(dtype=int)):
-    """Over worlds. lasted: facets or [rad] in frames on end; last: a copy of found, which is emptied."""
+    """Kernel over worlds. lasted: facets or [rad] in successive frames so far; last: copy of found, which is then cleared."""
     w = wp.tid()
     thousandths = int(found[w] >> wp.int64(32))
     lasted[w] = wp.where(thousandths > 0, lasted[w], wp.float64(0.0)) + wp.float64(0.001 * float(thousandths * substeps))

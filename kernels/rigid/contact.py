@@ -145,8 +145,8 @@ def whole(real):
 
 @cache
 def rims(real):
-    """(axis, across): functions of a shape that is round about its z. axis(shape, R, rig): z, R the rotation of its frame;
-    across(z, n): e, 0 where n is along z."""
+    """Functions (axis, across) for a shape that is round about its z axis. axis(shape, R, rig): z in the world, R the rotation
+    of the shape's frame; across(z, n): unit vector e from the axis along n; 0 where n is parallel to z."""
     t, Rig = types(real), whole(real)
 
     @wp.func

@@ -15,7 +15,7 @@ behind an impulse P of a whole substep and a point's own response A_ii (kernels/
 
 with L the radius of the smaller of both: what overlaps is pushed apart no faster than it would fall by so much.
 
-Sweeps with bias stop the mean velocity that points have in the substep, see kernels/rigid/complementarity/mean_velocity.py.
+Sweeps with bias stop the mean velocity of contact points over a substep, see kernels/rigid/complementarity/mean_velocity.py.
 
 Friction with bias stops u + BACK drift / h, see kernels/rigid/complementarity/drift.py.
 

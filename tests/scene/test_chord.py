@@ -120,6 +120,6 @@ def test_a_collider_that_fits_between_the_points_of_a_cloth_is_told_once(size, s
     points, counts, indices = shapes.sheet(size, size, 6, 6, horizontal=True)
     scene.cloth("/cloth", points, counts, indices, material=Fabric(thickness=1e-3 * size), **more)
     scene.collider("/thin", shape(0.03 * size), at=(0.0, -size, 0.0))
-    said = [p for p in check(scene) if "may go through it unseen" in str(p)]
+    said = [p for p in check(scene) if "may pass undetected" in str(p)]
     assert len(said) == told
     assert not told or f"hole of {2.0 * chord.girth(scene.colliders[0]):.2g} m" in str(said[0])

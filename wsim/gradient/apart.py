@@ -1,12 +1,13 @@
-"""How far a recording is from a simulation of the same frames: implicit solves of recordings go on to their residual, a
-simulation's take so many Newton steps.
+"""Difference between a recording and a simulation of the same frames. Implicit solves of a recording iterate to a residual,
+those of a simulation take a fixed number of Newton steps.
 
-    places      |x_sim - x_rec| at the end [m]
+    places      largest |x_sim - x_rec| of a point at the end [m]
     gradient    |g_sim - g_rec| / |g_rec|, g: gradient with respect to the velocities at the start
 
-Among contacts the second is 4 to 20 times the first over the way: which points touch, and how hard, changes with little of a
-residual. With random signs d, (g_sim - g_rec) . d is |g_sim - g_rec| in the rms (Hutchinson 1990), which two directions tell to
-a factor 2. Differences are one-sided, and the nearer side counts: on the other one a contact may begin or end.
+With contacts the second is 4 to 20 times the first divided by the distance that points move: a small residual changes which
+points touch, and how hard. For random signs d, the rms of (g_sim - g_rec) . d is |g_sim - g_rec| (Hutchinson 1990); two
+directions d give it to a factor 2. Finite differences are one-sided, and the side with the smaller difference counts: on the
+other side a contact may begin or end.
 """
 
 from collections.abc import Callable
@@ -16,14 +17,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-MOST = 1e-3            # of how far points move: what a simulation may end from a recording without a warning
-POOR = 2e-2            # of a gradient; in float32 differences of runs tell 1e-2
-PART = {"float32": 1e-3, "float64": 1e-4}      # of how far points move, by which velocities are changed
+MOST = 1e-3            # of the distance that points move: largest difference in positions without a warning
+POOR = 2e-2            # of a gradient: largest difference without a warning; in float32 the method resolves 1e-2
+PART = {"float32": 1e-3, "float64": 1e-4}      # of the distance that points move: size of the change of velocities
 DIRECTIONS = 2
 
 
 class Apart:
-    """The distance, of a recording that has run. Warns where that is much; costs a run of a simulation."""
+    """The difference, measured after a recording has run. Warns where it is large. Costs one run of a simulation."""
 
     def __init__(self, recording):
         self.gradient: float | None = None             # among contacts, after the first `backward`
@@ -32,13 +33,13 @@ class Apart:
         self.places, self.way = (float(np.linalg.norm(x - here, axis=1).max()) for x in (plain, begun))        # [m]
         if not self.places <= MOST * self.way:
             part = 100.0 * self.places / max(self.way, 1e-300)
-            recording.warn(f"/: gradients: a simulation of these frames ends up to {self.places:.2g} m from where the "
-                           f"recording does, which solves each step to its residual ({part:.2g} % of how far points move); "
+            recording.warn(f"/: gradients: a simulation of these frames ends up to {self.places:.2g} m away from the "
+                           f"recording, which solves each step to its residual ({part:.2g} % of how far points move); "
                            "take more iterations or substeps")
 
     def tell_gradient(self, recording, seeds, states: dict[int, np.ndarray]) -> None:
-        """Measures `gradient` of the loss of `seeds` by differences, once. states: gradients at the start. Warns where it is
-        much; costs five runs of a simulation."""
+        """Measures `gradient` by finite differences, once, for the loss of `seeds`. states: gradients of the recording with
+        respect to the start. Warns where the difference is large. Costs five runs of a simulation."""
         state, rng, square = recording.state, np.random.default_rng(0), 0.0
         by = states[state.v.ptr].astype(np.float64)
         size = float(np.linalg.norm(by))
@@ -57,14 +58,14 @@ class Apart:
         recording.pose(0)
         self.gradient = float(np.sqrt(square)) / size
         if not self.gradient <= POOR:
-            recording.warn(f"/: gradients: among contacts those of a simulation of these frames differ by about "
+            recording.warn(f"/: gradients: with contacts, those of a simulation of these frames differ by about "
                            f"{100.0 * self.gradient:.2g} % from those of the recording, which solves each step to its residual "
-                           f"(places by {100.0 * self.places / self.way:.2g} %); take more iterations or substeps")
+                           f"(positions by {100.0 * self.places / self.way:.2g} %); take more iterations or substeps")
 
 
 def simulated(recording, read: Callable[[int], Any], before: Callable[[], None] = lambda: None) -> list:
-    """What `read` has after each of the frames, 0 the start, of a simulation in the place of a recording, whose arrays stay as
-    they are. before: changes the start."""
+    """Runs a simulation with the plan of a recording, and returns read(frame) at the start (frame 0) and after each frame. The
+    arrays of the recording are restored at the end. before: called at the start, to change the state."""
     plan, state = recording.plan, recording.state
     kept = [plan.status.array, *(array for array, _ in state.copies())]
     ends = [wp.clone(array) for array in kept]
@@ -87,12 +88,12 @@ def places(state) -> np.ndarray:
 
 
 def loss(state, seeds, frame: int) -> float:
-    """Part of a loss that a frame has, linear in positions and velocities."""
+    """Contribution of a frame to the loss, linearised in positions and velocities."""
     each = [(places(state) if base is state.x else base.numpy(), given[frame]) for base, given in seeds.arrays
             if frame in given]
     return sum(float((x * (w.numpy() if isinstance(w, wp.array) else w)).sum()) for x, w in each)
 
 
 def kick(v: wp.array, change: np.ndarray) -> None:
-    """Adds to velocities."""
+    """Adds a change [m/s] to the velocities, (n, 3)."""
     v.assign(v.numpy() + change)

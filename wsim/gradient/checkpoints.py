@@ -5,8 +5,8 @@
 
 each    versions of a substep and their gradients               point    arrays with which a segment begins
 over    of a segment, whatever its length                       fixed    positions and velocities after every frame
-launches     of a substep and of its adjoint, on tapes and in graphs of a CPU: segments within a frame have their own, and
-             `copies` of those that begin and end one
+launches     memory of the recorded launches of a substep and of its adjoint, on tapes and in CPU graphs. Each segment within a
+             frame has its own; `copies`: memory of the launches that begin and end a segment
 
 A frame is measured before it is recorded; where that would not fit, its first substep.
 """
@@ -23,7 +23,7 @@ from wsim.simulation.measure.memory import free, size
 
 FULL = 1 << 30         # bytes up to which everything is kept, or so much of what is free on a GPU: segments run twice
 PART = 0.25
-LAUNCH = 6.5e3         # [B] that a CPU keeps of a launch, on the tape and in the graph: 2.3e3 to 8.8e3 in seven scenes
+LAUNCH = 6.5e3         # [B] that a CPU keeps for each launch, on the tape and in the graph: 2.3e3 to 8.8e3 in seven scenes
 
 
 @dataclass
@@ -141,7 +141,7 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
 
 
 def launched(tape, device) -> float:
-    """Bytes that a CPU keeps of the launches of a `wsim.model.tape.Tape`, forward and backward."""
+    """Bytes that a CPU keeps for the launches of a `wsim.model.tape.Tape`, forward and backward."""
     return 0.0 if device.is_cuda else LAUNCH * (len(tape.steps) + len(tape.adjoints))
 
 

@@ -78,7 +78,7 @@ class Recording(Frames):
             self.prepare()
             self.allot()
         self.recorded, self.growth = self.shape, Growth(frames, sim.device, sim.model.real)
-        self.apart: Apart | None = None               # from what a simulation does, after the first run
+        self.apart: Apart | None = None               # difference from a simulation, after the first run
         self.residuals: dict[str, float] = {}         # of implicit solves, after `backward`
         self.rewind()
 
@@ -160,7 +160,7 @@ class Recording(Frames):
 
     @property
     def bytes(self) -> int:
-        """Device memory of versions, their gradients and checkpoints; of a CPU also of launches."""
+        """Device memory of versions, their gradients and checkpoints; on a CPU also of recorded launches."""
         launches = sum(launched(stretch.tape, self.sim.device) for stretch in self.stretches.values())
         return self.slots.bytes + sum(a.capacity for arrays in self.saved for a in arrays) + int(launches)
 

@@ -143,8 +143,8 @@ class Remedy:
     give way  an integrator that needs small residuals goes on as backward Euler; `why` where it is not for a residual
     stop      no other step would do: the frame is given up, the simulation stands where it began, and `why` is said of `row`
     meet      contacts: a point could reach a collider in a frame that had none
-    check     the frame is whole and a figure of it is bad, as `why` says: more substeps where the scene leaves them open,
-              `steps` a frame where it is known how many are enough
+    check     the frame is whole and a figure of it is bad, as `why` says: more substeps where the scene leaves them open.
+              `steps`: substeps a frame that are enough; 0: not known
     """
 
     kind: str

@@ -5,7 +5,7 @@
                       frame takes longer
     apic.capture, apic.types, context
                       captures and argument packing, for launches recorded as bytes (`wsim.model.compiler.recorded`).
-                      Without: Warp records, and gradients take twice the time to record and the memory
+                      Without: Warp records, and recording gradients takes twice the time and the memory
     Struct, Instance  types of structs and of their values, for the same
     folder_name       folder of a module in the cache: whether it has to be compiled. Without: it is looked up by loading it
     executables       what was loaded of a module: whether it was compiled just now. Without: assumed just compiled

@@ -118,7 +118,7 @@ def over_time(value) -> Curve:
 
 @dataclass(eq=False)
 class Varying(Compared):
-    """A live value that varies in time, linear between keys. A frame has the one at its middle (`wsim.simulation.varying`).
+    """A live value that varies in time, linear between keys. A frame uses the value at its middle (`wsim.simulation.varying`).
 
     path        prim path of a body or collider; "/": the whole scene
     name        as `Simulation.set` takes it: gravity, wind, stretch, young ... (`wsim.scene.values.table`)
@@ -278,8 +278,8 @@ class Problem:
 
     path        prim path, or the file or option that is at fault
     text        what was found, what is allowed and the cure, in one line
-    fatal       True: the scene cannot be simulated; False: a warning (overlap: of things that overlap where the run starts)
-    lacks       True: something is not there, which is not said where something could not be read
+    fatal       True: the scene cannot be simulated; False: a warning (overlap: about objects that overlap at the start)
+    lacks       True: something is missing. This is not reported if another prim could not be read: that may be the cause
     """
 
     path: str

@@ -1,6 +1,6 @@
 """Names on a stage that nobody reads: misspelt, of an older or foreign revision, or on a prim where they mean nothing. A name
-that is not read does nothing, so each is a warning with the name that was probably meant. Likewise words that their schema does
-not know, and targets that are not there.
+that is not read does nothing, so each is a warning with the name that was probably meant. There are also warnings about tokens
+that their schema does not allow, and about targets that do not exist.
 """
 
 from difflib import get_close_matches
@@ -71,10 +71,10 @@ def spelling(reading: Reading, prim: Usd.Prim) -> None:
 
 
 def _token(reading: Reading, prim: Usd.Prim, name: str) -> None:
-    """A word that its schema does not know, which is read as its default."""
+    """Warns of a token that its schema does not allow; it is read as the first allowed one."""
     allowed = prim.GetPrimDefinition().GetPropertyMetadata(name, "allowedTokens") or ()
     if allowed and (value := prim.GetAttribute(name).Get(reading.start)) not in allowed:
-        reading.warn(prim.GetPath(), f"{name} is {value!r}, and taken as {allowed[0]}; allowed is {' or '.join(allowed)}: "
+        reading.warn(prim.GetPath(), f"{name} is {value!r}, and is read as {allowed[0]}; allowed is {' or '.join(allowed)}: "
                      "choose one")
 
 
@@ -122,25 +122,25 @@ def _physics(reading: Reading, prim: Usd.Prim, name: str) -> None:
 
 
 def targets(reading: Reading, prim: Usd.Prim) -> None:
-    """Warns of a variant that a prim chooses, and of a material and a scene that it names for its physics, that are none."""
+    """Warns of a selected variant, a bound physics material and a simulation owner of a prim that do not exist."""
     for name, chosen in (prim.GetVariantSets().GetAllVariantSelections() if prim.HasVariantSets() else {}).items():
         if chosen and chosen not in (has := prim.GetVariantSet(name).GetVariantNames()):
-            reading.warn(prim.GetPath(), f"its variant set {name} has no variant {chosen!r}, so that none counts; choose one "
-                         f"of {', '.join(has) or 'those it has'}")
+            reading.warn(prim.GetPath(), f"its variant set {name} has no variant {chosen!r}, so no variant is selected; choose "
+                         f"one of {', '.join(has) or 'those it has'}")
     if not any(api.startswith(("Physics", "Wsim")) for api in applied(prim)):
         return
     for name in BINDINGS:
         for target in _targets(prim, name):
             found = reading.stage.GetPrimAtPath(target)
             if not UsdShade.Material(found):
-                what = f"is a {found.GetTypeName() or 'prim without a type'}, and no Material" if found else "is no prim"
-                reading.warn(prim.GetPath(), f"{name} names {target}, which {what}: defaults count; name a Material, or take "
-                             "it out")
+                what = f"is a {found.GetTypeName() or 'prim without a type'}, not a Material" if found else "is no prim"
+                reading.warn(prim.GetPath(), f"{name} names {target}, which {what}: material values are defaults; name a "
+                             "Material, or remove the binding")
             return
     for target in _targets(prim, OWNER):
         found = reading.stage.GetPrimAtPath(target)
         if not found or found.GetTypeName() != names.PHYSICS_SCENE:
-            reading.warn(prim.GetPath(), f"{OWNER} names {target}, which is no {names.PHYSICS_SCENE}; name one, or take it out")
+            reading.warn(prim.GetPath(), f"{OWNER} names {target}, which is no {names.PHYSICS_SCENE}; name one, or remove it")
 
 
 def _targets(prim: Usd.Prim, name: str) -> list:

@@ -70,7 +70,7 @@ class Reading:
     followed: set = field(default_factory=set)           # those of them that became curves
     skinned: dict = field(default_factory=dict)          # what a skeleton moves: {path: wsim.usd.prims.skeletons.Bound}
     bones: dict = field(default_factory=dict)            # skeletons that something follows: {path: Skeleton, None: broken}
-    placed: set = field(default_factory=set)             # paths of prims whose transforms were looked at
+    placed: set = field(default_factory=set)             # paths of prims whose transforms were checked
     held: dict | None = None                             # what holds rigid bodies without mass, by path; None: not known yet
     stacks: dict | None = None                           # joints that act one behind the other, by path; None: not known yet
     varying: list = field(default_factory=list)          # (where it was found, `wsim.scene.Varying`)
@@ -160,8 +160,8 @@ def quiet(notes: list[Problem], stage: Usd.Stage | None = None) -> Iterator[None
             text = _SESSION.sub("", " ".join(_COMPOSING.sub("", item.commentary).split())).rstrip(".")
             where = _WITHIN.match(text)                           # a prim
             file = where[1] if where else stage.GetRootLayer().realPath if stage is not None else "USD"
-            text = f"{text[where.end():] if where else text}; add what is missing, or take it out of the stage"
-            problem = Problem(file, f"{text} (goes on without it)", fatal=False)
+            text = f"{text[where.end():] if where else text}; add what is missing, or remove it from the stage"
+            problem = Problem(file, f"{text} (the run continues without it)", fatal=False)
             if problem not in notes:
                 notes.append(problem)
 

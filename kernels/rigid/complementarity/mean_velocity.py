@@ -1,20 +1,20 @@
-"""Mean velocity of the points of a manifold in a substep, as bodies turn and impulses leave them.
+"""Mean relative velocity of the contact points of a manifold over a substep, while the bodies turn.
 
-    u = v_a + omega_a x r_a - (v_b + omega_b x r_b)          where the substep begins
-    u + bend                                                 in its mean
+    u = v_a + omega_a x r_a - (v_b + omega_b x r_b)          at the start of the substep
+    u + bend                                                 mean over the substep
 
 A point that turns with its body, r = R c, goes along an arc: (R(h) - 1) r / h differs from omega x r by
 
     h/2 omega x (omega x r) + h^2/6 omega x (omega x (omega x r))
 
-so that a box stays where it lies on a turntable, and a body that tips over a corner keeps the corner where it is. The contact
-of a rim, -rim e, does not turn with its body; e goes round with the axis z, z' = omega x z, and the matter there has
-omega x r of the middle of the substep. The angular velocity itself turns where nothing pushes: L stays, and
+With it a box stays in place on a turntable, and a body that tips over a corner keeps the corner in place. The contact point of
+a rim, -rim e, does not turn with its body: e follows the axis z, z' = omega x z. The material point there has the velocity
+omega x r of the middle of the substep. The angular velocity of a free body changes too, as L is constant:
 
     omega' = -I^-1 (omega x L)
 
-With all three a coin that rolls in a circle, or an Euler's disc, keeps its energy to second order; without the last two it
-gains or loses to first order, and a disc at 10 degrees lay flat within a second at h = 1/240 s.
+With all three terms a coin that rolls in a circle, or an Euler's disc, keeps its energy to second order in h. Without the last
+two it gains or loses energy to first order, and a disc at 10 degrees lay flat within a second at h = 1/240 s.
 """
 
 from functools import cache
@@ -25,13 +25,13 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import rims, whole
 from wsim.kernels.rigid.impulse import formulas
 
-TURNS = wp.constant(1.0e-4)            # [rad] in a substep below which points go straight, as they do from 1 rad on
+TURNS = wp.constant(1.0e-4)            # [rad] in a substep; below it, and above 1 rad, points are taken to go straight
 
 
 @cache
 def bending(real):
-    """(bends, bend): whether bodies turn enough; how much the mean velocity of point j of manifold m in a substep differs from
-    that where it begins, because they turn, see the head of the file."""
+    """Functions (bends, bend). bends: True if the bodies turn enough in a substep. bend: mean velocity of point j of manifold m
+    over the substep, minus the velocity at its start [m/s], see the head of the file."""
     t, Rig, (axis, across) = types(real), whole(real), rims(real)
     Two = formulas(real)[0]
 

@@ -112,9 +112,9 @@ def launched(real, module) -> dict:
 
 
 def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bouncing: bool = False):
-    """Kernel as `wsim.kernels.rigid.passes.substeps`, with islands of joints in front of the kinds. bouncing: impacts are a
-    kernel of their own (`joint/impacts.py`: in one they took minutes to compile for a GPU), launched before each substep. The
-    first substep of a frame is prepared for it by a launch with steps = (0, 0, sweeps)."""
+    """Kernel as `wsim.kernels.rigid.passes.substeps`, with islands of joints in front of the kinds. bouncing: impacts are in
+    a kernel of their own, launched before each substep (`joint/impacts.py`: in one kernel they took minutes to compile for a
+    GPU). At the start of a frame, a launch with steps = (0, 0, sweeps) prepares for it."""
     Rig, w = whole(real), walks(kinds, real, meet, False)
     begun, placed, ended = bodies(real)
     lined, reset, joined, loosed = islands(real)

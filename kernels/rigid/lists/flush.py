@@ -22,7 +22,7 @@ from wsim.kernels.rigid.narrow.shape import MESH, extent, hulls, shape, support
 
 FLUSH = wp.constant(1.0e-3)            # of the size: steps lower than that are none
 SLOPE = wp.constant(5.0e-3)            # by which the plane, often that of a face of the body, may lean against J
-SAME = wp.constant(2.0e-5)             # sine of the angle of two normals that are one: more would push a ball off a seam
+SAME = wp.constant(2.0e-5)             # sine of the angle up to which two normals are equal: more would push a ball off a seam
 
 
 def flush(kinds: frozenset[str], real, module):

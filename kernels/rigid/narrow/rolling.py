@@ -1,16 +1,16 @@
-"""How fast the contact of a body that rolls or spins goes over its shape.
+"""Speed at which the contact point of a rolling or spinning body moves over its shape.
 
-A body turns by omega against what it touches, and the normal n out of it stays with the other. In the shape's frame n goes
-round the axis of omega on a circle. What passes in a time h is
+A body turns at omega relative to the body that it touches. The outward normal n is fixed to the other body, so that n moves on
+a circle about omega in the frame of the shape. In a time h there pass
 
-    hull              corners that are in turn the farthest along n: facets in a turn, counted at SAMPLES places, times
-                      h |omega| / 2 pi
-    cylinder, cone    the turn [rad] about the body's axis z, as the world sees it, of the place e of the rim that touches: 0 of
-                      what rolls straight on, the precession of a coin that leans
+    hull              h |omega| / 2 pi times the facets of one turn: the corners that are in turn the farthest along n, counted
+                      at SAMPLES angles
+    cylinder, cone    the turn [rad] of the contact point e of the rim about the axis z, in the world frame: 0 for a disc that
+                      rolls straight on, the precession of a leaning coin
 
-A substep in which most of a facet passes, or a coin goes round by half a radian, does not see what it goes over. A prism of
-64 sides lost 10 % of its speed in 2 s at 0.7 facets, 2 % at 0.35 and 0.5 % at 0.2. A coin loses (h W)^2 / 2 of its kinetic
-energy as it begins, and falls flat from 0.8 rad on.
+A substep is too long if most of a facet, or half a radian of precession, passes in it. A prism of 64 sides lost 10 % of its
+speed in 2 s at 0.7 facets a substep, 2 % at 0.35 and 0.5 % at 0.2. A coin that precesses at W first loses (h W)^2 / 2 of its
+kinetic energy, and falls flat from 0.8 rad a substep on.
 """
 
 from functools import cache
@@ -22,14 +22,14 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.shape import FLAT, HULL, hulls, shape
 
 SAMPLES = wp.constant(256)
-SAME = wp.constant(1.0e-3)             # of a hull's size: corners that are as near in turning are one
+SAME = wp.constant(1.0e-3)             # of a hull's size: corners nearer than this across the axis count as one
 
 
 @cache
 def passing(real, least: float):
-    """Function (shape, hulls, q, o, n, h) -> what passes in h [s]: facets or [rad]; 0 where it is certainly below `least`.
+    """Function (shape, hulls, q, o, n, h) -> facets or [rad] that pass in h [s]; 0 if they are certainly below `least`.
 
-    q: from the shape's frame to the world; o: omega against what it touches [rad/s]; n: out of the shape, unit."""
+    q: from the shape's frame to the world; o: omega relative to the other body [rad/s]; n: unit normal out of the shape."""
     t, Shape, Hulls = types(real), shape(real), hulls(real)
 
     @wp.func

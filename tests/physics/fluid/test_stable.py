@@ -75,7 +75,7 @@ def test_a_frame_that_wants_more_steps_than_it_may_take_is_told(most):
     put(sim, lambda axis, x, y, z: 4.0 * (axis == 0) + 0.0 * x)
     sim.step()
     said = " ".join(sim.report()["warnings"])
-    assert ("wanted 8 steps at a CFL number of 2, and most_steps is 7" in said) == (most == 7)
+    assert ("needed 8 steps at a CFL number of 2, and most_steps is 7" in said) == (most == 7)
 
 
 def test_worlds_are_apart():

@@ -86,4 +86,4 @@ def test_a_coin_that_goes_round_too_fast_is_warned_of():
     made.body("/coin", Cylinder(0.0125, 0.001), s["x"], turn, s["v"], s["w"])
     found = need(made.scene)
     assert found.roll.kind == "rim" and found.roll.rate / 240.0 == pytest.approx(0.562 * np.cos(np.radians(10.0)), abs=2e-3)
-    assert any("goes round on its rim" in w for w in made.run(0.3).warnings)
+    assert any("precesses on its rim" in w for w in made.run(0.3).warnings)

@@ -53,7 +53,7 @@ class Newton:
 
 @dataclass
 class Deviation:
-    """sigma_k of one theta[k], and whether it is right (or at least that); column: H^-1 e_k."""
+    """Error bar of one theta[k]. sigma: sigma_k; close: True if it has converged, False: a lower bound; column: H^-1 e_k."""
 
     sigma: float
     close: bool
@@ -61,7 +61,7 @@ class Deviation:
 
 
 def deviations(misfit: Adjoint, theta: np.ndarray, rows: list[int], sigma: float, Y: np.ndarray) -> list[Deviation]:
-    """Of each of rows of theta. Y: probes at theta."""
+    """Error bar of theta[k] for each k of rows. Y: probes at theta."""
     beliefs = [b if b.wide != WIDE else replace(b, wide=UNKNOWN) for b in misfit.beliefs]
     newton, found = Newton(misfit, theta, sigma, Y, beliefs), []
     for k in rows:

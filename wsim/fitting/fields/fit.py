@@ -268,7 +268,7 @@ def _result(search: FieldSearch, found: list[ParameterField | Number], scenes: l
     values = dict(zip([f.name for f in found], m.values(search.theta), strict=True))
     for e in m.experiments:
         notes += [w.removeprefix("warning: ") for w in e.sim.warnings if w not in notes]
-    notes += [f"the error bar of {n.name} is at least that: conjugate gradients did not come close"
+    notes += [f"the error bar of {n.name} is a lower bound: conjugate gradients did not converge"
               for n, b in zip(numbers, bars, strict=True) if not b.close]
     half = HalfStep(m, search.theta, sigma * wide, Y, bars)
     for f in found:

@@ -37,7 +37,7 @@ class Experiment:
         self.given: list[tuple[ParameterField | Number, np.ndarray]] = []
 
     def finer(self) -> "Experiment":
-        """The same with half the time step."""
+        """The same experiment with half the time step."""
         return Experiment(replace(self.scene, substeps=2 * self.sim.plan.clock.steps), self.seen, self.device)
 
     def begin(self, given: list[tuple[ParameterField | Number, np.ndarray]], frames: int) -> None:
@@ -186,7 +186,7 @@ class Adjoint:
         return found / np.sqrt(PROBES)
 
     def half_step(self, theta: np.ndarray) -> np.ndarray:
-        """J^T of what half the time step changes of the residuals. Raises SceneError where a run breaks."""
+        """J^T (r' - r), r' the residuals with half the time step. Raises SceneError where a run breaks."""
         values, found = dict(zip([f.name for f in self.fields], self.values(theta), strict=True)), np.zeros(len(theta))
         for e, frames in self.begun(theta):
             r, fine = e.residuals(frames), e.finer()

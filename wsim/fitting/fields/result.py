@@ -16,8 +16,8 @@ from wsim.simulation.measure.columns import columns
 
 @dataclass
 class Bar:
-    """Error of a number: one error bar, and two of them below and above. inf: not identifiable. half_time_step_shift: by how
-    much half the time step shifts its value; None: not known."""
+    """Error of a number: one error bar, and two of them below and above. inf: not identifiable. half_time_step_shift:
+    change of the value with half the time step; None: not known."""
 
     error: float
     low: float
@@ -26,7 +26,7 @@ class Bar:
 
     @staticmethod
     def of(map: Map, theta: float, sigma: float, shift: float | None = None) -> "Bar":
-        """Of a theta, its deviation, and its shift."""
+        """The error of a value from its theta, and the deviation and shift of theta."""
         if sigma >= OPEN:
             return Bar(np.inf, -np.inf, np.inf)
         low, high = (float(map.inverse(theta + s * sigma)) for s in (-2.0, 2.0))
@@ -111,7 +111,7 @@ class FieldFit:
         lines.append(f"noise {self.sigma:.3g} {self.unit}, residuals over it {self.misfit:.3g}; noise {ORIGIN[self.origin]}")
         half = self.half_step
         if half and half.rms is not None:
-            lines.append(f"half the time step shifts the values by {half.rms:.2g} error bars or more in the root mean square")
+            lines.append(f"half the time step shifts the values by at least {half.rms:.2g} error bars (root mean square)")
         end = "NOT converged" if not self.converged else "converged for this time step alone" if half and half.matters else \
             "converged"
         lines.append(f"{end} after {self.steps} steps, {self.simulations:.3g} gradients ({self.launches} runs), "

@@ -1,11 +1,12 @@
-"""How far the time step shifts what a fit of fields finds: as `wsim.fitting.least_squares.time_step`, by the adjoint.
+"""Shift of the result of a field fit by half the time step, by the adjoint. `wsim.fitting.least_squares.time_step` has the same
+for a fit of numbers.
 
     g = J^T (r' - r) / s^2        r' residuals with half the time step
-    d = -H^-1 g                   the step of Newton to what a fit with it would find
-    d^T H d = g^T H^-1 g          its square in error bars, of all values together
+    d = -H^-1 g                   Newton step to the result of a fit with half the time step
+    d^T H d = g^T H^-1 g          square of the shift of all values together, in error bars
 
-Of numbers beside fields H^-1 e_k is known from their error bars. Of all values g^T H^-1 g is taken by a few conjugate
-gradients, which find too little of it and never too much.
+For numbers beside fields, H^-1 e_k is known from their error bars. For all values, a few iterations of conjugate gradients
+approximate g^T H^-1 g from below: the result is a lower bound.
 """
 
 from math import sqrt
@@ -18,8 +19,8 @@ from wsim.scene import SceneError
 
 
 class HalfStep:
-    """rms: shift of all values in error bars, root of the mean square; shifts: of theta of each number. None: not known, `why`.
-    """
+    """The shift. rms: of all values, root mean square in error bars; shifts: of theta of each number. None: not known, see
+    `why`."""
 
     def __init__(self, misfit: Adjoint, theta: np.ndarray, sigma: float, Y: np.ndarray, bars: list[Deviation]):
         """sigma: noise; Y: probes at theta; bars: of the numbers."""
@@ -30,7 +31,7 @@ class HalfStep:
             g = misfit.half_step(theta) / sigma**2
             z, _ = Newton(misfit, theta, sigma, Y).solve(g, SOME)
         except SceneError as error:
-            self.why = f"how far the time step shifts the values is not known: with half of it {error}"
+            self.why = f"the shift by the time step is unknown, as a run with half of it failed: {error}"
             return
         self.rms = sqrt(max(float(g @ z), 0.0) / len(theta))
         self.shifts = [-float(b.column @ g) for b in bars]
@@ -43,5 +44,5 @@ class HalfStep:
     def notes(self) -> list[str]:
         if self.why:
             return [self.why]
-        return [f"half the time step shifts the values by {self.rms:.2g} error bars or more in the root mean square: these "
-                "know noise alone; take more substeps and fit again"] * self.matters
+        return [f"half the time step shifts the values by at least {self.rms:.2g} error bars (root mean square), which account "
+                "for noise only; take more substeps and fit again"] * self.matters

@@ -19,7 +19,7 @@ SURE = 3.0             # errors of J below which a singular value is one of them
 FARTHEST = 0.03        # of theta: largest step of a difference
 CRUDE = 3.0            # second derivatives over first that forward differences, which see none, are taken to have
 LOST = 1e-12           # of the largest singular value: rounding of numbers
-KEPT = 1 << 28        # [bytes] of residuals and Jacobians that are kept; more is made anew when it is asked for
+KEPT = 1 << 28        # [bytes] of residuals and Jacobians that are kept; if there are more, they are computed again when needed
 FEW = 20               # residuals more than parameters, from which they tell what noise is
 
 

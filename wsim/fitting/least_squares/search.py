@@ -4,7 +4,7 @@ At theta all copies are run together and the normal equations are summed up mome
 the step (`wsim.fitting.least_squares.levenberg_marquardt`) is larger than the error bars that the data so far allow, later data
 cannot make the step any better: the run is left there, and the step is taken. So first steps cost a few frames, and only those
 near the end the whole horizon. A step after which the misfit over the same frames is larger is taken back, with a quarter of
-the radius. Where no step makes it smaller, the next run goes on to later frames, twice as far.
+the radius. If no step reduces the misfit, the next run goes on to later frames, twice as far.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ from wsim.scene import Problem, SceneError
 LINEAR = 0.2           # part of the answer to a change of theta by NEAR that curvature may be, where it is more than noise
 NEAR = 1e-3            # no model knows a parameter better: where such a change is not answered in proportion, all is chance
 SLACK = 1e-3           # of the misfit: as good as equal
-LEAST = 1e-9           # of theta: a shorter step is none
+LEAST = 1e-9           # of theta: a shorter step counts as none
 
 
 class Search(LevenbergMarquardt):
@@ -33,7 +33,7 @@ class Search(LevenbergMarquardt):
         super().__init__(prior, sigma=sigma, accuracy=accuracy, floor=misfit.floor, eps=misfit.eps, end=misfit.moments[-1])
         self.misfit, self.theta, self.limit, self.each, self.steps = misfit, theta, limit, each, 0
         self.best: Sums | None = None
-        self.least = 0.0                       # time [s] to which the next run goes, whatever is known before
+        self.least = 0.0                       # time [s] to which the next run goes in any case
         self.accepted, self.converged, self.notes = False, False, []      # type: ignore[var-annotated]
 
     # a walk through time
@@ -139,7 +139,7 @@ class Search(LevenbergMarquardt):
         return sums
 
     def halts(self, before: Sums | None) -> bool:
-        """True if no step makes the misfit smaller over frames before the last that can be used. before: what was best."""
+        """True if no step reduces the misfit, and later frames are left. before: the best sums before this step."""
         best = self.best
         assert best is not None
         if self.converged or best.time >= self.end or before is None:
@@ -149,7 +149,7 @@ class Search(LevenbergMarquardt):
         return best.time <= before.time and self.cost(best, before) >= (1.0 - SLACK) * self.cost(before, before) - SLACK
 
     def go_on(self) -> None:
-        """The next run is at the best theta once more, to later frames."""
+        """Sets the next run: at the best theta again, to later frames."""
         assert self.best is not None
         later = [t for t in self.misfit.moments if t > self.best.time]
         self.least = next((t for t in later if t >= 2.0 * self.best.time), later[-1])

@@ -1,10 +1,11 @@
-"""How far the time step shifts the result of a fit, by one run with half of it.
+"""Shift of the result of a fit by half the time step, from one run with that step.
 
     d = -C J^T (r' - r) / s^2        C = (J^T J / s^2 + P)^-1        r' residuals at the result with half the time step
 
-d is the Gauss-Newton step from the result to that of a fit with half the time step, in the mapped space. What was observed
-knows no time step: where d is more than an error bar, the time step decides about the result and not the noise. Of a scheme of
-order k the result for a step of 0 lies d / (2^k - 1) beyond. d errs by its square, so that no more than FAR of it is told.
+d is the Gauss-Newton step from the result to that of a fit with half the time step, in the mapped space. Observations have no
+time step: if d is larger than an error bar, the time step limits the accuracy of the result, not the noise. For a scheme of
+order k, the result at a step of 0 lies d / (2^k - 1) beyond that at half the step. The error of d is of the order of d^2, so
+that larger shifts than FAR are reported as "over FAR".
 """
 
 from dataclasses import dataclass
@@ -17,20 +18,20 @@ from wsim.fitting.least_squares.uncertainty import Estimate
 from wsim.fitting.parameter import Parameter
 from wsim.scene import SceneError
 
-FAR = 1.0              # of theta: a factor e; a linear model says nothing beyond
+FAR = 1.0              # of theta: a factor e; beyond it the linear model is invalid
 
 
 @dataclass
 class TimeStep:
-    """By how much half the time step shifts each parameter, (p,), NaN where that is not known.
+    """Shift of each parameter by half the time step, (p,); NaN: not known.
 
-    values: in the parameters' units. bars: in error bars. far: more than that.
+    values: in the parameters' units. bars: in error bars. far: True if the shift is larger than `values` has it.
     """
 
     values: np.ndarray
     bars: np.ndarray
     far: np.ndarray
-    why: str = ""                # nothing is known
+    why: str = ""                # reason if nothing is known
 
     @property
     def matters(self) -> np.ndarray:
@@ -42,8 +43,8 @@ class TimeStep:
         names = [f"{p.name} by {self.told(k, values[k])}"
                  for k, p in enumerate(parameters) if self.matters[k]]
         return [self.why] * bool(self.why) + [
-            f"half the time step shifts {', '.join(names)}: more than the error bars, which know noise alone; take more "
-            "substeps (or fluid steps) and fit again"] * bool(names)
+            f"half the time step shifts {', '.join(names)}: more than the error bars, which account for noise only; take "
+            "more substeps (or fluid steps) and fit again"] * bool(names)
 
     def told(self, k: int, value: float) -> str:
         """Shift of a parameter in words."""
@@ -59,7 +60,7 @@ def unknown(count: int, why: str = "") -> TimeStep:
 
 
 def halve(search: Search, e: Estimate, noise: float) -> TimeStep:
-    """The shift at the result of a search; noise: s^2 of the estimate. Costs two simulations of one copy."""
+    """The shift of the result of a search; noise: s^2 of the estimate. Costs two simulations of one copy."""
     best, misfit, count = search.best, search.misfit, len(e.theta)
     known = np.isfinite(e.errors)
     if best is None or not known.any():
@@ -72,7 +73,7 @@ def halve(search: Search, e: Estimate, noise: float) -> TimeStep:
             if part.time >= best.time:
                 break
     except (Broken, SceneError) as error:
-        return unknown(count, f"how far the time step shifts the values is not known: with half of it {error}")
+        return unknown(count, f"the shift by the time step is unknown, as a run with half of it failed: {error}")
     d = np.where(known, -e.covariance @ slope / noise, np.nan)
     near = np.clip(d, -FAR, FAR)
     moved = [p.map.inverse(float(t)) if np.isfinite(t) else np.nan

@@ -29,7 +29,7 @@ class Estimate:
     errors: np.ndarray            # one standard deviation; inf: not identifiable
     low: np.ndarray               # two error bars below and above, through the map
     high: np.ndarray
-    covariance: np.ndarray        # of theta, 0 along what is open, (p, p)
+    covariance: np.ndarray        # of theta, 0 along directions that are not identifiable, (p, p)
     correlation: np.ndarray       # (p, p)
     singular: np.ndarray          # descending
     open: list[np.ndarray]        # directions of theta, (p,) each

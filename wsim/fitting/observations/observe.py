@@ -180,7 +180,7 @@ def closest(p: np.ndarray, e: np.ndarray, f: np.ndarray) -> np.ndarray:
 # what is wrong
 
 def pointed(scene: Scene) -> list:
-    """Objects whose points are observed: cloth, springs, soft bodies, rods."""
+    """Objects whose points a fit can observe: cloth, springs, soft bodies, rods."""
     return [*scene.bodies(), *scene.things("Rods")]
 
 
@@ -217,8 +217,8 @@ def wrong(observations: list, scene: Scene) -> list[Problem]:
 
 
 def unseen(scene: Scene, scan: bool) -> dict[str, str]:
-    """What fits do not observe of rods, by path: scans, and the forces of their pins."""
-    found = {pin.path: f"is a pin of rods {each.path}, whose reaction force fits do not take; observe the rods' points (Track)"
+    """Messages on what fits cannot observe of rods, by path: forces of their pins and, with `scan`, the rods themselves."""
+    found = {pin.path: f"is a pin of the rods {each.path}, and fits cannot use its force; observe the rods' points (Track)"
              for each in scene.things("Rods") for pin in each.pins}
     return found | {each.path: "are rods, which have no surface to scan; give the points that were seen (Track)"
                     for each in scene.things("Rods") if scan}

@@ -64,7 +64,7 @@ class Misfit:
         self.central = differences == "central"
         self.batches: dict[int, Any] = {}
         self.walked, self.launches = 0.0, 0             # whole simulations of one copy; batches begun
-        self.substeps: list[int] = []                   # of a frame in each experiment, in the last walk
+        self.substeps: list[int] = []                   # substeps of a frame in each experiment, in the last walk
         self.events = events(experiments)
         self.moments = [time for time, _ in self.events]
         solvers = self.of(1 + len(parameters) * (1 + self.central)).solvers
@@ -108,8 +108,8 @@ class Misfit:
 
     def walk(self, theta: np.ndarray, derivatives: bool = True, steps: Steps | None = None,
              finer: int = 1) -> Iterator[ResidualBlock]:
-        """Moment by moment; steps: None: along the axes; finer: so many times the substeps of the last walk, in copies made for
-        it. Raises Broken where a copy stops being a number; the walk may be left at any moment."""
+        """Moment by moment; steps: None: along the axes; finer: factor on the substeps of the last walk, in copies made
+        for it. Raises Broken where a copy is not finite any more; the walk may be left at any moment."""
         steps = (steps or Steps.axes(len(self.parameters), self.eps)) if derivatives else None
         each = self.worlds(np.asarray(theta, np.float64), steps)
         batch = self.of(len(each)) if finer == 1 else self.make(self.experiments, self.parameters, len(each))

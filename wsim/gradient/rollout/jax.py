@@ -3,10 +3,10 @@
     f = function(recording, ["/World/Cloth:stretch"], frames=[24])
     jax.value_and_grad(lambda stretch: ((f(stretch)[0] - wanted) ** 2).sum())(stretch)
 
-Both passes are callbacks on the host, so that it may stand inside `jax.jit`. `jax.vmap` and `jax.jacrev` run their rows one
-after the other; worlds run together. It has no jvp and no second derivatives. The backward pass runs the recording forward
-once more: a recording holds one run, and JAX does not say whose. Callbacks run in threads of their own, so that float64 is
-asked for by `jax.config.update("jax_enable_x64", True)`, not by the context manager.
+Both passes are callbacks on the host, so that the function may be used inside `jax.jit`. `jax.vmap` and `jax.jacrev` run their
+rows one after the other; worlds run together. The function has no jvp and no second derivatives. The backward pass runs the
+recording forward once more: a recording holds one run, and JAX does not say which call the pass belongs to. Callbacks run in
+threads of their own: for float64 use `jax.config.update("jax_enable_x64", True)`, not the context manager.
 """
 
 import jax

@@ -3,8 +3,9 @@ several modules waits for the longest of them. They are loaded afterwards, one b
 records them in the cache, and says what was wrong with one that did not compile.
 (`wp.force_load` has threads too, for modules of one number of threads a block; those of a plan have several on a GPU.)
 
-Clang takes 2.1 s for a cape's own module and 1.8 for the four of its reports, which later scenes share: its first frame comes
-up to 1.5 times sooner where a second core is free (of 5.4 CPU-s). Dominoes on an H200 gained nothing (21.5 s; 20.7 in turn).
+Clang takes 2.1 s for the own module of a cape and 1.8 s for the four modules of its report, which later scenes share. With a
+second free core the first frame comes up to 1.5 times sooner (5.4 CPU-s in all). Dominoes on an H200 gained nothing (21.5 s in
+parallel, 20.7 s one after the other).
 """
 
 import os

@@ -3,17 +3,18 @@
 Warp 1.19 records each launch of a captured frame so that it could be saved, and loaded by another process: it looks for every
 pointer in the arguments, also in structs of a hundred arrays, and writes down of which allocation each is a part. A replay then
 puts the same pointers back where they were. That is most of the time a recording takes, and the bytes of the arguments hold the
-pointers already. Here a launch is recorded as those bytes, with no pointer to be put back: the same bits. A first frame gains
-nothing by it, gradients do. Of 24 frames of 12 x 12 points, CPU seconds with it and without: forward 1.3 and 2.4 (leapfrog),
-1.0 and 1.7 (XPBD), 11 and 15 (Newton); backward 1.0 and 2.9, 0.8 and 1.8, 1.1 and 2.4; memory of all three 386 MB and 815.
+pointers already. Here a launch is recorded as those bytes, with no pointer to be put back: the same bits. It does not speed
+up a first frame, but it does gradients. CPU seconds of 24 frames of 12 x 12 points, with it and without: forward 1.3 and 2.4
+(leapfrog), 1.0 and 1.7 (XPBD), 11 and 15 (Newton); backward 1.0 and 2.9, 0.8 and 1.8, 1.1 and 2.4;
+memory of all three 386 MB and 815.
 
     kept      Warp keeps the allocations that it has written down, so that none is freed before the graph: arrays of the
               arguments, those in structs, and their gradients are kept here likewise
     form      what is the same for all launches of a kernel: names, and where each argument begins
     packs     what arguments were packed into, by array or number: looked up, where Warp looks at types and devices anew
     known     kernels that were launched before in this capture, which `launch` does not look up again
-    regions   Warp copies what stood in an array that the capture copies or clears, with all of the allocation it is a part of:
-              a graph kept those bytes as well. Here a region is the array alone, and its copy is dropped (`end_capture`)
+    regions   if the capture copies or clears an array, Warp saves the contents of its whole allocation, and the graph keeps
+              them. Here a region is the array alone, and the saved contents are dropped (`end_capture`)
 
 Where Warp has other structs, arguments or functions than those known here, it records as ever.
 """
@@ -61,8 +62,8 @@ def lighten() -> None:
 
 
 def end_capture() -> None:
-    """Leaves what a replay needs of the capture of a CPU that is about to end: copies of arrays, which only a graph that is
-    saved to a file needs, and what was looked up are freed."""
+    """Frees what a replay does not need, before a capture on a CPU ends: saved contents of arrays, which only a graph that is
+    saved to a file needs, and the lookup tables."""
     capture: Any = getattr(getattr(context, "runtime", None), "_apic_capture", None)
     if isinstance(capture, Lean):
         core, state, mark = capture.runtime.core, capture.apic_state, ctypes.c_uint8()
@@ -86,13 +87,13 @@ class Lean:
     device: Any
     runtime: Any
     types: Any                               # module of structs
-    kept: Any                                # arrays that must outlive the graph, by address; a list from its end on
+    kept: Any                                # arrays that must outlive the graph, by address; a list once the capture has ended
     structs: dict[tuple, tuple]              # as well: (values, those that are structs) of each, by addresses of values
     forms: dict[tuple, tuple]
     packs: dict[tuple, Any]                  # what arguments have had, by argument and address, or number
     known: dict[tuple, tuple]                # (executable, hooks, function) of a kernel, and whether of its adjoint
     bounds: dict[tuple, Any]                 # of launches, by threads and dimensions
-    apic_state: Any                          # what Warp's library has of the capture
+    apic_state: Any                          # handle of the capture in Warp's library
 
     def _find_base(self, arr) -> tuple:
         """As of Warp, for an array that is no part of another: (array, address, bytes, 0)."""

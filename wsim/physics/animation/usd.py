@@ -85,7 +85,7 @@ def _skeleton(reading: Reading, prim: Usd.Prim, query: UsdSkel.SkeletonQuery) ->
         return None
     if lost := _lost(prim, query):
         unused = UsdSkel.Animation(reading.stage.GetPrimAtPath(lost)) and not prim.HasAPI(UsdSkel.BindingAPI)
-        why = ("and has no SkelBindingAPI, without which USD passes it over; apply SkelBindingAPI" if unused else "which is no "
+        why = ("but has no SkelBindingAPI, so that USD ignores it; apply SkelBindingAPI" if unused else "which is no "
                "SkelAnimation that can be read (is a payload or reference missing?); name one")
         reading.fail(path, f"names {lost} as its animation, {why}, or leave skel:animationSource out for the rest pose")
         return None

@@ -16,7 +16,7 @@ from wsim.scene.solids import row
 DOMAINS = ("Fluid", "Liquid")
 SOURCES = {"Fluid": ("Source", "fluid"), "Liquid": ("LiquidSource", "liquid")}
 TOUCH = 1e-6           # of a cell, by which boxes may lie in each other
-FRAMES = 2000          # that are looked at for what moves through a domain
+FRAMES = 2000          # most frames that are checked for colliders that move through a domain
 FINEST = 12            # places along an axis at which a domain is asked whether a collider fills it
 
 
@@ -36,7 +36,7 @@ def common(domain: Any, scene: Scene) -> Iterator[Problem]:
 
 
 def _fast(domain: Any, kind: str, scene: Scene) -> Iterator[Problem]:
-    """Too few steps for speeds and waves that the scene names."""
+    """Warns if most_steps is too few for the speeds and surface waves of the scene."""
     if domain.steps or not (domain.cfl > 0.0 and scene.fps > 0.0):
         return
     needs = list(_needs(domain, kind, scene))
@@ -44,11 +44,11 @@ def _fast(domain: Any, kind: str, scene: Scene) -> Iterator[Problem]:
     if wanted > domain.most_steps:
         yield warning(domain.path, f"{what}, and most_steps is {domain.most_steps}: steps are {wanted / domain.most_steps:.3g} "
                       "times too long", f"most_steps of {int(np.ceil(wanted))} or more",
-                      "author more most_steps, larger cells, or a larger cfl")
+                      "author a larger most_steps, larger cells, or a larger cfl")
 
 
 def _needs(domain: Any, kind: str, scene: Scene) -> Iterator[tuple[float, str]]:
-    """Steps of a frame that something needs, and that in words, by the same numbers as a run."""
+    """Steps a frame that each speed and wave needs, and the reason in words, with the constants of a run."""
     cell, fps = domain.cell, scene.fps
     for path, speed in _speeds(domain, kind, scene):
         n = speed / fps / (domain.cfl * cell)
@@ -60,7 +60,7 @@ def _needs(domain: Any, kind: str, scene: Scene) -> Iterator[tuple[float, str]]:
         for source in scene.things("LiquidSource"):
             if source.role == "source" and source.velocity is not None and source.liquid in ("", domain.path):
                 n = float(np.linalg.norm(source.velocity)) / fps / (GIVEN * cell)
-                yield n, f"what {source.path} gives needs {_whole(n)} steps a frame, to cross {GIVEN:g} cells in one"
+                yield n, f"the inflow of {source.path} needs {_whole(n)} steps a frame, to cross {GIVEN:g} cells a step"
 
 
 def _whole(steps: float) -> int:
@@ -68,7 +68,7 @@ def _whole(steps: float) -> int:
 
 
 def _speeds(domain: Any, kind: str, scene: Scene) -> Iterator[tuple[str, float]]:
-    """Greatest component of the velocity [m/s] of what moves in a domain, as far as it is known before a run."""
+    """Name and greatest velocity component [m/s] of each thing that moves in a domain, as known before a run."""
     name, of = SOURCES[kind]
     for source in scene.things(name):
         if source.velocity is not None and getattr(source, of) in ("", domain.path):
@@ -92,7 +92,7 @@ def _greatest(velocity: Any) -> float:
 
 
 def _passing(collider: Any, domain: Any, scene: Scene) -> float:
-    """Greatest speed [m/s] of a collider within a domain, by its places at the frames; of its rim where it turns."""
+    """Greatest speed [m/s] of a collider within a domain, from its poses at the frames; of its rim where it turns."""
     shape, last = collider.shape, min(max(scene.frames, 1), FRAMES)
     M = collider.motion.sampled(np.arange(last + 1) / scene.fps)
     places, turns = M[:, :3, 3], M[:, :3, :3]
@@ -108,12 +108,13 @@ def _passing(collider: Any, domain: Any, scene: Scene) -> float:
 
 
 def cut(domains: list, steps: np.ndarray, more: int) -> list[tuple[tuple, float, str]]:
-    """Notes of the domains (with a world each) whose frame wanted more steps than it may take, `more` times as many if
-    repeated. steps: taken and wanted, of each."""
+    """Warnings for the domains (with a world each) whose frame needed more steps than most_steps, or than `more` times
+    most_steps if it was repeated. steps: taken and needed, of each domain."""
     found = [(domain, world, n) for (domain, world), n in zip(domains, steps[1::2], strict=True)
              if not domain.steps and n > more * domain.most_steps]
-    return [(("steps", domain.path, world), float(n), f"{domain.path}: frames wanted {{worst}} steps at a CFL number of "
-             f"{domain.cfl:g}, and most_steps is {domain.most_steps}: they are coarser; give more most_steps, or larger cells")
+    return [(("steps", domain.path, world), float(n), f"{domain.path}: a frame needed {{worst}} steps at a CFL number of "
+             f"{domain.cfl:g}, and most_steps is {domain.most_steps}: its steps are too long; give a larger most_steps "
+             "or larger cells")
             for domain, world, n in found]
 
 

@@ -6,8 +6,8 @@ a meeting of the threads that stay costs a fraction of it. So the launches of th
 the same arrays in the same order, hence the same bits (tets in float64 alone differ in the last digits on CUDA). What does
 not fit is launched as ever, and the plan says why.
 
-On a CPU, where a launch costs little, it is threads that gain: they share each phase (kernels/motion/abreast.py). Kernels that
-are only parts of the one are compiled by themselves too, a twentieth of a first frame.
+On a CPU, where a launch costs little, the gain is in threads: they share each phase (kernels/motion/abreast.py). Kernels that
+are only parts of the fused one are compiled separately as well; this takes a twentieth of a first frame.
 """
 
 from __future__ import annotations

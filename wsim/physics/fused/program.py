@@ -22,7 +22,7 @@ LARGE = (wp.uint64, wp.int64)            # numbers that are compared, not counte
 
 
 def lanes_of(op: Op) -> int:
-    """Threads of a point of a launch that may stand in a chain, else 0: see kernels/math/marks.py."""
+    """Threads a point of a launch that may be chained with others, by the marks of kernels/math/marks.py; 0: it may not."""
     return 0 if op.kernel is None or hasattr(op.kernel, "part") else getattr(op.kernel, "own", 0)
 
 

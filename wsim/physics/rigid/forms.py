@@ -124,7 +124,7 @@ class Form:
 
     def advance(self, steps: tuple[int, int, int], h: float, rig, *joints) -> None:
         """Substeps steps[0] .. steps[1] of h [s], of steps[2] sweeps; joints: their struct, where there are some. Manifolds are
-        prepared, unless steps[0] is 0, where a frame begins. Where joints and impacts are, this is one substep."""
+        prepared, unless steps[0] is 0, where a frame begins. With both joints and impacts, one call is one substep."""
         if self.tolerance > 0.0:
             self.launch(self.kernels["converged"], [wp.vec3i(*steps), h, self.threads, self.tolerance, rig], [])
             return

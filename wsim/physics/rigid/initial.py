@@ -1,7 +1,7 @@
 """Rigid bodies that start within something: deeper than a part of their size, unless they are filtered from it or joined to it.
 
-A depth is that of the deepest sampled point of one surface below the other, or of a point within both below either, so that it
-is never overstated: shapes are those that contacts meet (`wsim.physics.rigid.solids`), whose signed distances are exact inside.
+A depth is that of the deepest sampled point of one surface below the other, or the lesser depth of a point inside both. So it
+is never overstated. Shapes are those that contacts use (`wsim.physics.rigid.solids`), whose signed distances are exact inside.
 NumPy only.
 """
 
@@ -147,6 +147,6 @@ def _depth(one: Solid, other: Solid) -> float:
         if len(points):
             found = max(found, -float(b.distance(points).min()))
     middle = 0.5 * (np.maximum(one.low, other.low) + np.minimum(one.high, other.high))[None]
-    if np.isfinite(middle).all():                                   # two that are alike, in one place, or crossed plates
+    if np.isfinite(middle).all():                                   # equal shapes in one place, or crossed plates
         found = max(found, min(-float(one.distance(middle)[0]), -float(other.distance(middle)[0])))
     return found

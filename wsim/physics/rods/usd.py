@@ -90,7 +90,7 @@ def _of_points(reading: Reading, prim: Usd.Prim, field: str, counts: np.ndarray,
     kind = prim.GetAttribute(f"{name}:elementType").Get() or next((k for k, m in sizes.items() if m == len(values)), "")
     if sizes.get(kind) != len(values):
         of = f" of elementType {kind!r}" if kind else ""
-        reading.fail(prim.GetPath(), f"{name} has {len(values)} values{of}; allowed is "
+        reading.fail(prim.GetPath(), f"{name} has {len(values)} values{of}; allowed are "
                      + ", ".join(f"{m} for {k!r}" for k, m in sizes.items()) + ": author it again")
         return np.array([fallback])
     if kind == "curve":

@@ -51,7 +51,7 @@ def radius(collider: Collider) -> float:
 
 
 def girth(collider: Collider) -> float:
-    """Radius [m] of the round hole that a collider fits through along one of its principal axes; inf of a plane."""
+    """Least radius [m] of a round hole that a collider fits through along one of its principal axes; inf for a plane."""
     shape = collider.shape
     if isinstance(shape, Surface):
         points = shape.points.astype(np.float64)

@@ -16,8 +16,8 @@ NEAR = 1e-5            # of a body's extent: points so near to a surface are on 
 SHORT = 1e-5           # [m] of a distance kept that does not count
 LEVEL = 1e-3           # of a plane's normal that points up, from which it catches what falls
 SIDES = 16             # on a circle of a round shape whose bounds are asked
-THIN = 0.1             # girth over the hole from which edges and triangles that meet a collider hold it: a square rod under a
-                       # sheet of 17 cm cells goes through at 0.06, and not at 0.12
+THIN = 0.1             # least ratio of a collider's girth to the hole at which contacts of edges and triangles stop it: a
+                       # square rod under a sheet of 17 cm cells goes through at 0.06, and not at 0.12
 FINEST = 16            # places along an edge of a triangle at which a rigid body is looked for, at most
 
 
@@ -38,8 +38,8 @@ def contacts(scene: Scene) -> Iterator[Problem]:
 
 
 def _thin(scene: Scene, moved: list[Collider]) -> Iterator[Problem]:
-    """Colliders that go through a sheet or a soft body between its points, where these alone meet them, or are so thin that
-    what its edges and triangles meet is lost on the way."""
+    """Warns of colliders that may pass through a sheet or a soft body between its points. They fit through a triangle, where
+    only points have contacts, or they are too thin for the contacts of edges and triangles to stop them."""
     for body in scene.bodies():
         if isinstance(body, Springs):
             continue
@@ -54,8 +54,8 @@ def _thin(scene: Scene, moved: list[Collider]) -> Iterator[Problem]:
                 gap = chord.hidden(chord.body_breadth(body), chord.radius(collider)) - reach
             held = edged and sharp.has_edges(body) and scene.contact_width == 0.0 and scene.solver != "implicit"
             if thin < THIN * hole if held else thin + max(gap, 0.0) + reach < hole:
-                yield warning(body.path, f"{collider.path} may go through it unseen, between its points: it fits through a "
-                              f"round hole of {2.0 * thin:.2g} m, and the triangles here leave one of {2.0 * hole:.2g} m",
+                yield warning(body.path, f"{collider.path} may pass undetected between the body's points: it fits "
+                              f"through a round hole of {2.0 * thin:.2g} m, and the triangles are {2.0 * hole:.2g} m wide",
                               "a wider collider, or smaller triangles", "refine the mesh"
                               + ", or turn wsim:selfCollision on" * (edged and isinstance(body, Cloth)))
                 break

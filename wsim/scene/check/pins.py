@@ -34,15 +34,16 @@ def held_twice(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Proble
 
 
 def held_far(body: Cloth | Springs | Soft, pins: list[Pin]) -> Iterator[Problem]:
-    """A warning of each hard pin that holds a point farther from where it starts than its body is large."""
+    """Warns of each hard pin whose target for a point is farther from the start of the point than the body is large."""
     size = float(np.ptp(body.motion.points(body.points), axis=0).max())
     for pin in pins:
         away = np.linalg.norm(_places(body, pin, 0.0) - body.motion.points(body.points[pin.points]), axis=1)
         if away.max(initial=0.0) > size:
             k = int(np.argmax(away))
             far = f"it holds point {pin.points[k]} of {body.path} {away[k]:.3g} m from where it starts"
-            yield warning(pin.path, f"{far}, in a body of {size:.3g} m: it is torn there at once", "places where the points "
-                          "start, or near them", "author physics:coords1 in the frame of physics:src1, in units of the stage")
+            yield warning(pin.path, f"{far}, and the body is {size:.3g} m large: the point jumps there at once",
+                          "targets at or near the points' starts",
+                          "author physics:coords1 in the frame of physics:src1, in units of the stage")
 
 
 def _times(pins: list[Pin]) -> list[float]:

@@ -7,8 +7,8 @@ without friction, and gives way by d / n_z: it is n_z^2 as stiff. Contacts that 
 
     sinks   K u = m g, solved once: u in [m/s^2], times (h / (h w))^2 the sag
     leans   a body that bears F, whose centre lies c above what bears it, is tipped by F c theta and set upright by k p^2 theta,
-            k the stiffness below it and p the least radius of gyration of the points there (of a line, on which a coin stands
-            on its rim and may roll, that along it): D = F c / (k p^2), summed on the
+            k the stiffness below it and p the least radius of gyration of the points there (if they lie on a line, as below a
+            coin on its rim, the radius along the line): D = F c / (k p^2), summed on the
             way down (Dunkerley's rule). At D (h / (h w))^2 = 1.3 a column of n equal cubes buckles, as a beam under its own
             weight does (Greenhill 1881: w L^3 = 7.84 E I, here a sag of 0.98 / n of a cube), at 1.2 one under a large mass
             (Euler: P L^2 = pi^2 / 4 E I). Runs: ten cubes stand at a sag of 8 % and fall at 11, where it says 9.8; thirty at
@@ -31,7 +31,7 @@ STEEP = 0.05           # cosine of a normal to gravity, below which nothing is b
 LEVEL = 0.7            # from which what it bears may be set upright by it
 BUCKLES = 1.2          # D (h / (h w))^2
 BALANCED = 0.02        # p over c, below which a body stands on its edge: no substeps keep it from falling
-LINE = 1e-3            # least over largest p, below which points lie on a line, which sets nothing upright but along itself
+LINE = 1e-3            # least over largest p, below which points lie on a line: it sets a body upright only along itself
 ROUNDS = 4             # of leaving out contacts that pull
 SOLVED = 1e-6          # residual of the net over its load
 

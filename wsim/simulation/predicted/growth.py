@@ -7,9 +7,9 @@ springs k strain, of a sheet stretch strain + bend (pi / l)^2. Where the sum is 
 
 in air that takes the body with it at the rate c [1/s]. Leapfrog of steps h errs, over the size L, by the sum of
 
-    p       LEAP (g + a) h^2 / L + (c h)^2 w / 2 L: a is what the wind accelerates by, w the way that the points have gone (RMS
-            speed, summed); half of what the air changes in a step is that of the step before. SLIVERS where slivers have more
-            mass, and what float32 rounds
+    p       LEAP (g + a) h^2 / L + (c h)^2 w / 2 L: a is the acceleration by the wind, w the distance that the points have gone
+            (RMS speed, summed); half of a step's change by the air is taken from the step before. SLIVERS where slivers have
+            more mass, and the rounding of float32
     hits    HIT h v / L once something touches a collider, v the largest RMS speed since the frame before: met at some time
             of a step
     edges   a sheet's points beside an edge of a box, or a rim, go to one side or the other of it, whatever the steps:
@@ -65,11 +65,11 @@ class Growth:
 
     @property
     def smooth(self) -> bool:
-        """True while nothing was touched and differences have hardly grown: errors go with powers of the step."""
+        """True while nothing touched a collider and differences have hardly grown: errors scale with a power of the step."""
         return not self.touched and self.grown < 0.1 * self.edge
 
     def touch(self, sim, points: int) -> np.ndarray:
-        """Mask (points,) of those that touch a collider at the end of a frame."""
+        """Mask of the points that touch a collider at the end of a frame, (points,)."""
         mark, touching = sim.state.points.arrays.get("mark"), np.zeros(points, bool)
         if mark is not None:
             from wsim.kernels.contact.project import TOUCHED  # of scenes with colliders

@@ -1,15 +1,15 @@
 """The error of a run, measured while its first frames are stepped, where its solver was chosen for the scene. What is predicted
 before (`wsim.simulation.predicted.errors`) knows neither slivers beside colliders nor folds.
 
-    implicit    a companion takes the same frames with a fifth of the substeps: the run is said to err by D, the RMS distance
-    steps       of the two over the size, or D / 2 while nothing is touched and nothing folds, and what float32 rounds. A method
-                of order 1 errs by D / 4, of a higher order by less; what hits colliders, and folds that come out differently,
-                by up to D
+    implicit    a companion run takes the same frames with a fifth of the substeps. D is the RMS distance of the two, over
+    steps       the size. The reported error is D, or D / 2 while nothing touches a collider and nothing folds, plus the
+                rounding of float32. The true error is D / 4 for a method of order 1, and less for a higher order. It is up
+                to D where points hit colliders, or folds come out differently
     leapfrog    a companion would cost as much as the run: `wsim.simulation.predicted.growth`
 
 Of 20 runs with a companion whose references agree, the error was 0.05 to 0.96 D in 18, 1.1 D in one, and 2 D, 1e-5 of the size,
-in one; of the nine that touched and folded nothing 0.05 to 0.37 D (tools/bench/choice/reported_errors.py; random meshes, nets,
-soft bodies on and off colliders).
+in one. In the nine without contacts and folds it was 0.05 to 0.37 D (tools/bench/choice/reported_errors.py; random meshes,
+nets, soft bodies on and off colliders).
 """
 
 from dataclasses import replace

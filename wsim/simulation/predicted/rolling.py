@@ -1,9 +1,9 @@
-"""Facets that pass below bodies which start to roll or spin on others, and the substeps a frame that follow them. NumPy only.
+"""Substeps a frame for bodies that roll or spin on others at the start. NumPy only.
 
-A hull that turns by omega on what it touches goes over omega / 2 pi times as many facets a second as it has in a turn, and the
-contact of a coin that leans goes round by |de / dt|, see kernels/rigid/narrow/rolling.py: a substep in which more than
-MANY facets or radians pass loses speed, and FEW are enough. Here they are counted at the start, for what touches something
-there; what begins to roll later is seen as it runs (`wsim.simulation.measure.checks.rolling`).
+A hull that turns at omega [rad/s] on another body passes omega / 2 pi times the facets of one turn each second. The contact
+point of a leaning coin precesses at |de / dt| [rad/s], see kernels/rigid/narrow/rolling.py. If more than MANY facets or radians
+pass in a substep, the body loses too much speed; FEW are accurate enough. This file counts them at the start, for bodies that
+touch something there. Bodies that begin to roll later are checked during the run (`wsim.simulation.measure.checks.rolling`).
 """
 
 from dataclasses import dataclass
@@ -17,11 +17,12 @@ if TYPE_CHECKING:
 FEW, MANY = 0.25, 0.35 # facets or [rad] in a substep; MANY as kernels/rigid/checks.py has it
 SAMPLES, SAME, FLAT = 256, 1e-3, 1e-2          # as kernels/rigid/narrow/rolling.py has them
 BRIEF = 1e-4           # [rad] of turn, over which the rate of a rim is taken
-ROLLS = {"hull": "rolls over {} facets of its hull", "rim": "goes round on its rim by {} rad"}
+ROLLS = {"hull": "rolls over {} facets of its hull", "rim": "precesses on its rim by {} rad"}
 
 
 def facets(points: np.ndarray, axis: np.ndarray, n: np.ndarray) -> int:
-    """Facets of a hull (p, 3) that pass in a turn about a unit vector, beginning with the unit vector n outward."""
+    """Number of facets of a hull that pass in one turn about the unit vector `axis`. points: its vertices, (p, 3); n: outward
+    unit normal at the start of the turn, (3,)."""
     along = (n @ axis) * axis
     x = n - along
     a = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
@@ -33,7 +34,8 @@ def facets(points: np.ndarray, axis: np.ndarray, n: np.ndarray) -> int:
 
 
 def rim_rate(axis: np.ndarray, spin: np.ndarray, n: np.ndarray) -> float:
-    """Rate [rad/s] at which the place of a rim that touches goes round, seen from outside. axis, n: unit vectors."""
+    """Precession rate [rad/s] of the contact point of a rim, in the world frame; 0 for a disc that rolls straight on. axis: of
+    the disc; n: outward normal; both unit vectors (3,). spin: angular velocity [rad/s], (3,)."""
     speed = float(np.linalg.norm(spin))
     across = n - (n @ axis) * axis
     if speed == 0.0 or np.linalg.norm(across) < FLAT:
@@ -47,19 +49,24 @@ def rim_rate(axis: np.ndarray, spin: np.ndarray, n: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Roll:
-    """path rolls or spins at the start: so many facets or radians pass a second; kind: of `ROLLS`."""
+    """A body that rolls or spins at the start.
+
+    path    of its prim; "": no body does
+    rate    facets or radians that pass a second [1/s]
+    kind    key of `ROLLS`
+    """
 
     path: str = ""
     rate: float = 0.0
     kind: str = "hull"
 
     def says(self, h: float) -> str:
-        """Words of what passes in a substep of h [s]."""
+        """Message with the facets or radians that pass in a substep of h [s]."""
         return f"{self.path} {ROLLS[self.kind].format(f'{h * self.rate:.2g}')} in a substep"
 
 
 def rolling(bodies: "Bodies") -> Roll:
-    """The body that touches something at the start and rolls over most."""
+    """The body with the highest rate among those that touch something at the start."""
     s, t, found = bodies.solids, bodies.touches, Roll()
     spins = np.array([*[body.spin for body in bodies.bodies], np.zeros(3)], np.float64)      # of what stands: the last
     for a, b, n in zip(t.a, t.b, t.n, strict=True):

@@ -36,7 +36,7 @@ cost, in proportion. Stiffer contacts take more sweeps, and are no cheaper (CPU 
     h w = pi, 10 x 20; 10 x 4               0.91 ms, 10.8 %; falls    17 ms, 15.6 %; falls
     h w = 6, 10 x 20                        1.03 ms, 3.0 %            falls
 
-Bodies that roll or spin on others at the start want substeps too: `wsim.simulation.predicted.rolling`.
+Bodies that roll or spin on others at the start need substeps too: `wsim.simulation.predicted.rolling`.
 
 Sweeps stay the scene's. Where somebody named the substeps, or something else decides, a run in which bodies sink by more than
 BAD, or bear more than LEANS, says so.
@@ -75,7 +75,7 @@ class Need:
     slender     prim path of the body that is nearest to leaning over
     tips        its stack bears tips (h / (h w))^2 of the load under which it buckles [1/s^2]
     work        of all weights over their sags, times (h / (h w))^2 [J/s^2]
-    roll        the body that rolls fastest over what is below it
+    roll        the body that passes the most facets or radians a second as it rolls
     """
 
     path: str = ""
@@ -98,21 +98,21 @@ class Need:
 
     @property
     def rates(self) -> dict[str, float]:
-        """Substeps a second that keep the sag at GOOD, stacks upright, and follow what rolls."""
+        """Substeps a second that keep the sag at GOOD, that keep stacks upright, and that resolve rolling; by cause."""
         return {"sinks": (self.rate / GOOD)**0.5 / TURN, "leans": (self.tips / UPRIGHT)**0.5 / TURN,
                 "rolls": self.roll.rate / FEW}
 
     def substeps(self, fps: float) -> int:
-        """Substeps a frame that are enough for all of it."""
+        """Substeps a frame that are enough for all causes."""
         return max(1, ceil(max(self.rates.values()) / fps - 1e-9))
 
     @property
     def cause(self) -> str:
-        """What takes most of them."""
+        """The cause that needs the most substeps: sinks, leans or rolls."""
         return max(self.rates, key=lambda name: self.rates[name])
 
     def figure(self, fps: float, n: int) -> str:
-        """The figure that decides, in words."""
+        """The figure of that cause with n substeps a frame, in words."""
         if self.cause == "rolls":
             return f"{self.roll.rate / fps / n:.2g}"
         return f"{100.0 * (self.tips if self.cause == 'leans' else self.rate) / (TURN * fps * n)**2:.3g} %"
@@ -144,7 +144,7 @@ class Need:
         path = {"sinks": self.path, "leans": self.slender, "rolls": self.roll.path}[self.cause]
         other = "leave out wsim:substeps"
         if isinstance(scene.substeps, Unnamed):
-            other = "let it turn slower" if self.cause == "rolls" else "smaller ratios of mass"
+            other = "lower its angular velocity" if self.cause == "rolls" else "smaller ratios of mass"
         return [f"warning: {path}: {n} substeps a frame are few for rigid bodies: {self.says(scene.fps, n)}; give --substeps "
                 f"{good}, or {other}"]
 

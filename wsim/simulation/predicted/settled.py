@@ -1,7 +1,7 @@
 """Strain that a converged run has, estimated beside a run of XPBD where its edges are stretched.
 
 Sweeps that a substep leaves out let edges lag behind their forces (`wsim.simulation.predicted.sweep_strain`). The lag is local:
-from the end of a frame, one substep more, taken in parts of some sweeps each (PARTS), takes it back, and the cloth as a whole
+from the end of a frame, one further substep, divided into parts of some sweeps each (PARTS), removes it. The cloth as a whole
 moves no further than in a substep. What strain is left then is mostly above a converged run's, which has held the cloth in all
 frames before as well: a cloth that sweeps let hang too low has stored that strain, and swings with it. More sweeps, parts or
 substeps do not take it back (1 to 8 substeps of 4 x 20, 8 x 20 and 4 x 80 of ten scenes: the twisted cloth stays at 20 %, where
@@ -19,8 +19,9 @@ import numpy as np
 from wsim.scene import SceneError
 from wsim.simulation.measure.indicators import edge_strain
 
-# parts and sweeps of runs of one sweep, whose kernels these are (others would be compiled: 2 to 4 s), and of more. Medians of
-# 51 estimates over the converged strain: 20 x 1 1.96, 40 x 1 2.3, 160 x 1 2.9, 4 x 10 1.71; 2 x 10: twice 4 x 10 in one of ten
+# (parts, sweeps of a part) for runs of one sweep a substep, whose compiled kernels are used again (others take 2 to 4 s to
+# compile), and for runs of several sweeps. Medians of 51 estimates over the converged strain: 20 x 1 1.96, 40 x 1 2.3,
+# 160 x 1 2.9, 4 x 10 1.71; 2 x 10: twice 4 x 10 in one of ten
 PARTS = (20, 1), (4, 10)
 FRAMES, CHECKS = 24, 3     # frames that are looked at, and estimates that are made in them at most: 20 to 40 sweeps each
 GROWN = 2.0                # strain over that of the last estimate, from which another is made

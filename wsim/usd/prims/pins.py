@@ -53,7 +53,7 @@ def load_pin(reading: Reading, prim: Usd.Prim, bodies: dict[str, Body]) -> Pin |
         reading.warn(path, "has no physics:indices0: it holds no point and is left out")
         return None
     if target and target == source:
-        reading.fail(path, f"{names.SRC1} names {target}, which it holds itself; name an Xform, or nothing (world)")
+        reading.fail(path, f"{names.SRC1} names {target}, the body that it holds; name an Xform, or leave it empty (world)")
         return None
     pin = Pin(str(path), body.path, points)
     if not follows and not _hang(reading, prim, pin, target):

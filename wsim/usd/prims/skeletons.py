@@ -95,14 +95,14 @@ def poses(reading: Reading, prim: Usd.Prim) -> Any:
 
 
 def _unfit(bound: Bound) -> str:
-    """What of a mesh does not fit its skeleton, what is allowed and the fix; "" where that is not known."""
+    """Message on a mesh whose joint indices or weights do not fit its skeleton; "" if the cause is another one."""
     query, points = bound.query, UsdGeom.PointBased(bound.query.GetPrim()).GetPointsAttr().Get()
     each, joints = query.GetNumInfluencesPerComponent(), len(query.GetJointOrder() or bound.skeleton.GetJointOrder())
     wanted = each * (1 if query.IsRigidlyDeformed() else len(points or ()))
     for primvar in (query.GetJointIndicesPrimvar(), query.GetJointWeightsPrimvar()):
         values, name = np.array(primvar.ComputeFlattened() or ()), primvar.GetAttr().GetName()
         if len(values) != wanted:
-            return f"{name} has {len(values)} values; allowed are {wanted}, {each} a point: author as many"
+            return f"{name} has {len(values)} values; allowed are {wanted}, with {each} influences a point: author as many"
         if name.endswith("Indices") and len(bad := np.flatnonzero((values < 0) | (values >= joints))):
             return (f"{name}[{bad[0]}] is {values[bad[0]]}; allowed are 0 to {joints - 1}, the joints of "
                     f"{bound.prim.GetPath()}: author it again")

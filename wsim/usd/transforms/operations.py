@@ -1,5 +1,5 @@
-"""Operations of a transform that do nothing: authored and not in the order, or named there and not authored; and quaternions
-that are no rotation. USD passes over them without a word.
+"""Warnings about transform operations (xformOps) without effect: an op that is authored but not in xformOpOrder, or named there
+but not authored. Also errors on quaternions that are not unit. USD reports neither.
 """
 
 from pxr import Usd, UsdGeom
@@ -11,7 +11,7 @@ UNIT = 1e-2                 # departure of |q| from 1 that quath keeps, tenfold
 
 
 def operations(reading: Reading, prim: Usd.Prim) -> None:
-    """Reports what of a transform does nothing, or what no rotation is, once a prim."""
+    """Reports ops without effect and quaternions that are not unit, once for each prim."""
     if prim.GetPath() in reading.placed:
         return
     reading.placed.add(prim.GetPath())
@@ -19,9 +19,9 @@ def operations(reading: Reading, prim: Usd.Prim) -> None:
     named = {name.removeprefix(INVERSE) for name in order} - {RESET}
     has = {name for name in map(str, prim.GetAuthoredPropertyNames()) if name.startswith(OP)}
     for name in sorted(has - named):
-        reading.warn(path, f"{name} is not in {ORDER}, and does nothing; add it there, or take it away")
+        reading.warn(path, f"{name} is not in {ORDER}, and does nothing; add it there, or remove it")
     for name in sorted(n for n in named if not prim.HasAttribute(n)):
-        reading.warn(path, f"{ORDER} names {name}, which is not authored, and does nothing; author it, or take its name out")
+        reading.warn(path, f"{ORDER} names {name}, which is not authored, and does nothing; author it, or remove its name")
     for op in UsdGeom.Xformable(prim).GetOrderedXformOps():
         if op.GetOpType() == UsdGeom.XformOp.TypeOrient:
             _quaternions(reading, op)
@@ -33,6 +33,6 @@ def _quaternions(reading: Reading, op: UsdGeom.XformOp) -> None:
         if q is not None and not abs(q.GetLength() - 1.0) < UNIT:
             at = "" if code == reading.units.start else f" at time code {code:g}"
             path = op.GetAttr().GetPrim().GetPath()
-            reading.fail(path, f"{op.GetName()} is a quaternion of length {q.GetLength():g}{at}, of which USD makes a wrong "
-                         "rotation; allowed: a unit quaternion; mend: divide it by its length")
+            reading.fail(path, f"{op.GetName()} is a quaternion of length {q.GetLength():g}{at}, which USD turns into a "
+                         "wrong rotation; allowed: a unit quaternion; mend: divide it by its length")
             return

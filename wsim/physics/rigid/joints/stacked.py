@@ -20,7 +20,7 @@ from wsim.usd.stage import Reading, Units
 
 SINGLE = ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint")
 DAMPING, STIFFNESS, REST, REFERENCE = "newton:damping", "mjc:stiffness", "mjc:springref", "mjc:ref"
-ANGLE = "mjc:compiler:angle"                # of a PhysicsScene: the unit of REST and REFERENCE of turns
+ANGLE = "mjc:compiler:angle"                # of a PhysicsScene: unit of REST and REFERENCE of revolute joints
 UNSEEN = {"newton:armature": "the inertia of motors and gears", "newton:friction": "dry friction of joints"}
 ACROSS = 1e-3                # cosine between axes that count as orthogonal
 DEGREE = np.pi / 180.0
@@ -124,8 +124,8 @@ def passive_drives(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str
         return drives
     own = drives.get(name, Drive())
     if own.acceleration or own.speed or (stiffness and name in drives):
-        reading.warn(prim.GetPath(), f"{DAMPING} and {STIFFNESS} are left out: they do not combine with this joint's drive; "
-                     "remove it to keep them")
+        reading.warn(prim.GetPath(), f"{DAMPING} and {STIFFNESS} are ignored: they do not combine with this joint's drive; "
+                     "remove the drive to use them")
         return drives
     rest, zero = (mujoco_place(reading, prim, name, key) for key in (REST, REFERENCE))
     rest = rest - zero if stiffness else own.target
@@ -133,8 +133,8 @@ def passive_drives(reading: Reading, prim: Usd.Prim, name: str, drives: dict[str
 
 
 def mujoco_place(reading: Reading, prim: Usd.Prim, name: str, key: str) -> float:
-    """A joint's mjc:ref, or mjc:springref, in metres or radians; 0 where it is not authored. A joint of MuJoCo stands at its
-    mjc:ref in the stage, where ours stands at 0: limits and the rest of its spring are less by that."""
+    """Value of mjc:ref or mjc:springref of a joint [m] or [rad]; 0 where it is not authored. In the pose of the stage, the
+    joint coordinate is mjc:ref in MuJoCo and 0 in wsim. So mjc:ref is subtracted from limits and from the spring's rest."""
     attribute = prim.GetAttribute(key)
     value = float(attribute.Get(reading.start) or 0.0) if attribute and attribute.HasAuthoredValue() else 0.0
     if name in SHIFTS or value == 0.0:

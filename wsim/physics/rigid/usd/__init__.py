@@ -67,7 +67,7 @@ def load(reading: Reading, prim: Usd.Prim) -> list:
 def _body(reading: Reading, prim: Usd.Prim) -> Body | None:
     path = str(prim.GetPath())
     if names.BODY in applied(prim):
-        reading.fail(path, f"has {names.RIGID_BODY} and {names.BODY}: it is rigid or it deforms; take one of them off")
+        reading.fail(path, f"has {names.RIGID_BODY} and {names.BODY}: a prim is either rigid or deformable; remove one of them")
         return None
     if not simulated(reading, prim):
         return None

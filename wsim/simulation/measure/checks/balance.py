@@ -36,7 +36,7 @@ FIELDS = (Field("balance_lowest", "J", True, "least energy so far, with the work
           Field("balance_most", "J", True, "largest kinetic energy so far", "double"),
           Field("balance_substeps", "", True, "substeps of a frame, where the checks have raised them, else 0", "double"),
           Field("balance_rises", "", True, "how often they have", "double"),
-          Field("balance_rolled", "", True, "facets or radians passed below what rolls, in frames on end", "double"))
+          Field("balance_rolled", "", True, "facets or radians passed by rolling bodies in successive frames", "double"))
 FIELDS_OF = ("balance_lowest", "balance_most")
 
 
@@ -171,7 +171,7 @@ class Balance(Method):
         path = max(each, key=lambda name: each[name]) + f" (world {world})" * (self.model.worlds > 1)
         most = float(self.part.arrays["balance_most"].numpy()[world])
         gained, more = found["gained"], "substeps or iterations" if self.iterates else "substeps"
-        other = ', or solver "implicit" if sweeps do not settle' * (self.terms.solver == "xpbd")
+        other = ', or solver "implicit" if sweeps do not converge' * (self.terms.solver == "xpbd")
         if (said == 2).any():
             return [(("speeds",), most, f"{path} is faster than what moves it can make it; give it more {more} (now "
                      f"{self.clock.steps} substeps)")]

@@ -1,4 +1,4 @@
-"""Figures of rigid bodies that are bad at the end of a frame: joints that gape, shapes that overlap, what rolls too fast.
+"""Figures of rigid bodies that are bad at the end of a frame: joints that gape, shapes that overlap, bodies that roll too fast.
 
 Bounds are relative to the sizes of the bodies (kernels/rigid/checks.py). Which prims they are of is found on the host, for a
 warning alone."""

@@ -1,6 +1,7 @@
 """More substeps for a frame whose figures are bad: at most RISES times a run, where the scene leaves their number open.
 
-A check that knows how many are enough gets these, and twice as many the last time: what rolls down a slope speeds up further.
+A check may know how many substeps are enough (`Remedy.steps`). The frame then gets that number, and at the last rise of a run
+twice that number: a body that rolls down a slope speeds up further. Otherwise the substeps are multiplied by TIMES.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
 
 RISES = 2
-FIRST = 5              # frames in which what overlaps at the start is pushed apart
+FIRST = 5              # frames in which contacts push apart the objects that overlap at the start
 TIMES = 2              # substeps over those before
 
 
@@ -25,8 +26,8 @@ def left_open(scene) -> bool:
 
 
 def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
-    """True if the frame is to be repeated with more substeps, which stay; False where it holds and is warned of: in the first
-    frames of things that overlap where the run starts, too, as these are pushed apart whatever the substeps."""
+    """True if the frame is to be repeated with more substeps, which stay. False if the frame is kept, with a warning: also in
+    the FIRST frames of a run in which objects overlap at the start, where more substeps do not help."""
     balance, clock = sim.plan.find("balance"), sim.plan.clock
     if sim.overlaps and balance.frames < FIRST:
         return False

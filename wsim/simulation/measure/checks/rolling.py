@@ -1,7 +1,7 @@
-"""Bodies that roll or spin on others faster than substeps follow: hulls on facets, coins on rims (kernels/rigid/checks.py).
+"""Bodies that roll or spin too fast for the substeps: hulls on their facets, coins on their rims (kernels/rigid/checks.py).
 
-Where nobody named the substeps, a frame in which that is so is repeated with as many as are enough. Else the run says how many
-are."""
+If the scene names no substeps, such a frame is repeated with enough of them. Otherwise the run warns, with the number that is
+enough."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from wsim.model.status import Status
 from wsim.simulation.predicted.rolling import FEW, ROLLS
 
 WORD = "bodies that roll too fast"
-SAID = 1.1             # of what was said before the run, up to which it is not said again
+SAID = 1.1             # ratio to the figure in a warning before the run, up to which the warning is not repeated
 ROLLED = {KINDS["hull"]: "hull", KINDS["cylinder"]: "rim", KINDS["cone"]: "rim"}
 
 
 def kinds(contacts) -> np.ndarray:
-    """Kinds of the shapes of bodies."""
+    """Kind of each shape that belongs to a rigid body."""
     return contacts.table.kind.numpy()[:contacts.table.still]
 
 
 class Rolling:
-    """lasted: (worlds,) facets or radians in frames on end so far, a part of the state."""
+    """lasted: facets or radians that have passed in successive frames so far, (worlds,); a part of the state."""
 
     def __init__(self, b, rigid, lasted: wp.array):
         self.model, self.rigid, self.status, self.lasted = b.model, rigid, b.status, lasted
@@ -35,12 +35,12 @@ class Rolling:
         self.found, self.last = (wp.zeros(b.model.worlds, dtype=wp.int64, device=b.model.device) for _ in range(2))
         self.check = checks.check_rolling(b.model.real)
         self.kernels = [self.check, checks.close_rolling]
-        self.worst: dict[str, tuple[float, str]] = {}         # of each path: what passed at most, and the words of it
+        self.worst: dict[str, tuple[float, str]] = {}         # of each path: most that passed in a substep, and its message
         self.told = b.choice.need.roll                        # before the run
 
     @staticmethod
     def wanted(rigid) -> bool:
-        """True if a body has a shape that may roll so."""
+        """True if a body has a hull, a cylinder or a cone for a shape."""
         return rigid.contacts is not None and bool(np.isin(kinds(rigid.contacts), list(ROLLED)).any())
 
     def launch(self, clock: Clock) -> None:
@@ -50,7 +50,7 @@ class Rolling:
                                                                                                  self.status.word(WORD)])
 
     def passed(self) -> tuple[float, int]:
-        """What passes in a substep of the last frame, at most, and the shape that it is of."""
+        """Most facets or radians that pass in a substep of the last frame, and the index of the shape."""
         most = int(self.last.numpy().max())
         return 1e-3 * (most >> 32), most & 0xFFFFFFFF
 
@@ -67,6 +67,6 @@ class Rolling:
         if path == self.told.path and passed < SAID * self.told.rate / self.model.scene.fps / substeps:
             return []
         if passed > self.worst.get(path, (0.0, ""))[0]:
-            self.worst[path] = passed, (f"{path} {what.format('{worst}')} in a substep, which loses speed that it should keep; "
+            self.worst[path] = passed, (f"{path} {what.format('{worst}')} in a substep, and loses too much speed; "
                                         f"give --substeps {ceil(substeps * passed / FEW)} (now {substeps})")
         return [((WORD, path), passed, self.worst[path][1])]

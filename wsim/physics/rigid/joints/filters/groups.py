@@ -4,9 +4,9 @@
               Groups of one `merge` are one group. What is in no group touches all.
     pairs     what a prim names, and all that is below it, does not touch what is at or below that prim; groups count as their
               members, and bodies as themselves, without the bodies within them
-    joints    the bodies of a joint do not touch each other, unless it says so (`Joint.collides`). Of a joint between a body and
-              a prim that is none, the body does not touch colliders at or below that prim; a prim that holds the body itself
-              stands for the world, and all touches
+    joints    the bodies of a joint do not touch each other, unless it says so (`Joint.collides`). If a joint connects a body to
+              a prim that is no body, the body does not touch colliders at or below that prim. If that prim is an ancestor of
+              the body, it stands for the world, and the body touches all colliders
 """
 
 from collections.abc import Iterator

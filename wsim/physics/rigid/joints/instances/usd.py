@@ -37,7 +37,7 @@ def load(reading: Reading, prim: Usd.Prim, body_of) -> list[Body]:
             reading.fail(path, text)
         return []
     if not instancer.GetPositionsAttr().Get(reading.start):
-        reading.warn(path, "has no instances: its prototypes take no part; author positions and protoIndices")
+        reading.warn(path, "has no instances: its prototypes are not simulated; author positions and protoIndices")
         return []
     if len(placement(reading, prim).times) > 1 or instancer.GetPositionsAttr().ValueMightBeTimeVarying():
         reading.warn(path, "is animated and has dynamic rigid bodies: they start where it does and then move by forces")
