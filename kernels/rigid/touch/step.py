@@ -4,8 +4,8 @@
     sweep     bodies against each other and against colliders, in turn with the points
     end       places, and sweeps without bias
 
-Where joints hold bodies that bounce, the impacts are a launch of their own (kernels/rigid/joint/impacts.py), and a fourth
-kernel makes arms and gaps ready for it.
+If joints hold bodies that bounce, impacts are a launch of their own (kernels/rigid/joint/impacts.py). A fourth kernel computes
+the lever arms and gaps that this launch needs.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,8 +20,8 @@ from wsim.kernels.rigid.passes import over_bodies
 
 def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
                bouncing: bool = False, linked: bool = False) -> list:
-    """Kernels begin, sweep, end, and ready where linked bodies bounce, of substep steps[0] of a frame, of h [s], with steps[2]
-    sweeps; others as `passes.substeps`."""
+    """Kernels begin, sweep and end, and `ready` if linked bodies bounce, for substep steps[0] of a frame, of h [s], with
+    steps[2] sweeps; the other arguments as of `passes.substeps`."""
     Rig, act = whole(real), [acts(kind, real) for kind in kinds]
     begun, placed, ended = over_bodies(real)
     prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
