@@ -71,11 +71,11 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability")
        | room("physics.cloth", "constraints kind kinds.membrane kinds.dihedral")
-       | room("kernels", "math.real motion.points cloth.spring"))
+       | room("kernels", "math.real math.marks motion.points cloth.spring"))
 CHECKS = (room("simulation.measure.checks", "balance terms reasons rise works") | room("kernels.math", "ledger point_energy")
           | room("kernels", "cloth.energy cloth.constraint cloth.terms") | {"wsim.physics.cloth.table"}
           | {"wsim.model.compiler.parallel"})
-PINNED = {"wsim.physics.motion.pins"}
+PINNED = {"wsim.physics.motion.pins", "wsim.scene.check.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
 CONTACT = (room("physics.contact", "contacts colliders method mesh clearance") | room("scene.check", "contact")
            | room("scene.check", "signed_distance chord sharp") | room("kernels.contact", "project search collide shape mesh")

@@ -6,10 +6,10 @@
     W = sum f.(x1 - x0)                                                           of a substep from x0 to x1
 
 The law and its implicit drag are those of kernels/cloth/air.py, written anew; they are taken at x0 and at the velocity
-u = (x1 - x0)/h - h w f without the wind's own part, found by fixed-point iteration. So W is the work of the impulses as an
-explicit substep applies them, at its beginning: a bound on what its wind gives, which exceeds the work along the way by the
-first order of h (the flag by leapfrog: by 5 % of what the wind gives and takes). For implicit integrators W is the work along
-the way to first order in h; they dissipate more.
+u = (x1 - x0)/h - h w f without the wind's own part, found by fixed-point iteration. So W is the work of the impulses as a
+substep applies them at its beginning. It exceeds the work along the way by the first order of h. For implicit integrators W is
+the work along the way to first order in h; they dissipate more. Leapfrog takes the wind at order 2. There f is F at
+(x0 + x1)/2 and u = (x1 - x0)/h, so that W is the work along the way to order 2.
 
 Pins and colliders that all go with one rigid motion, of displacement D(x) in a substep, push with forces whose resultant and
 moment about any axis are those of the change of momentum, whatever acts within the bodies:
@@ -59,9 +59,11 @@ class Wind:
                     for a in (*F.T, 2.0 * k + self.normal_drag * size)]
         return np.stack(gathered[:3], axis=1), gathered[3]
 
-    def impulse(self, x0: np.ndarray, x1: np.ndarray, h: float) -> np.ndarray:
-        """Forces f [N], (n, 3), that act in a substep of h [s] from x0 to x1 (n, 3) [m]."""
+    def impulse(self, x0: np.ndarray, x1: np.ndarray, h: float, leaps: bool = False) -> np.ndarray:
+        """Forces f [N], (n, 3), that act in a substep of h [s] from x0 to x1 (n, 3) [m]. leaps: of leapfrog."""
         v, own = (x1 - x0) / h, np.zeros_like(x0)
+        if leaps:
+            return self.forces(0.5 * (x0 + x1), v)[0]
         for _ in range(PASSES):
             F, k = self.forces(x0, v - own)
             f = F / (1.0 + h * self.weights * k)[:, None]
@@ -99,6 +101,7 @@ class Work:
         self.masses = sim.model.stack("masses")
         self.masses[sim.model.gone] = 0.0
         self.blows = self.air is not None and bool(np.any(sim.scene.wind))       # air at rest only takes energy
+        self.leaps = sim.plan.integrator == "leapfrog"
         self.motion = carried(sim.scene, frames) if self.steps() else None
         self.besides = uncounted(sim.scene, frames, self.motion is not None)
         self.total, self.gross, self.seconds = 0.0, 0.0, 0.0      # [J] given, [J] given and taken, [s] spent here
@@ -135,7 +138,7 @@ class Work:
         if not clock.ends:
             return
         began, x, h = perf_counter(), self.places(), clock.h * clock.integrator.solves
-        f = np.zeros_like(x) if self.air is None else self.air.impulse(self.x, x, h)
+        f = np.zeros_like(x) if self.air is None else self.air.impulse(self.x, x, h, self.leaps)
         given = float((f * (x - self.x)).sum()) if self.blows else 0.0
         if self.motion:
             given += self.carry(x, f, self.sim.time + (clock.k + 1) * clock.h, h)

@@ -1,8 +1,7 @@
 """What exists: plain data in SI units (m, kg, s, rad), NumPy only, one to one with what a USD stage can say.
 
-A scene holds objects, each named by its prim path: cloths, spring nets, soft bodies, colliders, pins. Points are kept in
-the object's own frame [m], beside a local-to-world `motion` in float64, so that nothing is lost far from the origin: float32
-where they are given or authored so, as most of USD is, else float64. A save followed by a load gives the same, to float32.
+A scene holds objects, each named by its prim path. Points are kept in the object's own frame [m], in the precision that they
+are given in, beside a local-to-world `motion` in float64. A save followed by a load gives the same, to float32.
 
     scene = Scene(gravity=(0, -9.81, 0))
     flag = scene.cloth("/flag", *shapes.sheet(1.0, 1.0, 32, 32), material=Fabric(stretch=500.0))
@@ -278,8 +277,9 @@ class Problem:
 
     path        prim path, or the file or option that is at fault
     text        what was found, what is allowed and the cure, in one line
-    fatal       True: the scene cannot be simulated; False: a warning (overlap: about objects that overlap at the start)
-    lacks       True: something is missing. This is not reported if another prim could not be read: that may be the cause
+    fatal       True: the scene cannot be simulated; False: a warning
+    overlap     True: it is about objects that overlap at the start
+    lacks       True: something is missing; not reported if another prim could not be read, which may be the cause
     """
 
     path: str

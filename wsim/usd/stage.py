@@ -160,7 +160,9 @@ def quiet(notes: list[Problem], stage: Usd.Stage | None = None) -> Iterator[None
             text = _SESSION.sub("", " ".join(_COMPOSING.sub("", item.commentary).split())).rstrip(".")
             where = _WITHIN.match(text)                           # a prim
             file = where[1] if where else stage.GetRootLayer().realPath if stage is not None else "USD"
-            text = f"{text[where.end():] if where else text}; add what is missing, or remove it from the stage"
+            if where:                                             # which names its own place again
+                text = re.sub(rf" introduced by @[^@]*@<{re.escape(where[1])}>", "", text[where.end():])
+            text = f"{text}; add what is missing, or remove it from the stage"
             problem = Problem(file, f"{text} (the run continues without it)", fatal=False)
             if problem not in notes:
                 notes.append(problem)

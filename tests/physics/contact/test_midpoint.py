@@ -162,7 +162,8 @@ def test_a_sheet_falls_on_a_ball_and_slides_down_without_giving_way(iterations):
 
 
 def test_layers_fall_on_a_floor_and_never_intersect():
-    sim = Simulation(fallen(), device="cpu")
+    """By 12 iterations: with 6, frame 5 misses the residual that the midpoint needs, and says so."""
+    sim = Simulation(fallen(iterations=12), device="cpu")
     for _ in range(15):
         sim.step()
         told = said(sim)

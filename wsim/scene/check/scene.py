@@ -191,8 +191,10 @@ def _without_skeleton(scene: Scene) -> Iterator[Problem]:
 
 def _held(body: Cloth | Springs | Soft, pins: list[Pin]) -> list[Problem]:
     """Points that these pins hold hard far from where they start, or more than once at more than one place."""
+    if not pins:
+        return []
     from wsim.scene.check.pins import held_far, held_twice
-    points = np.concatenate([np.zeros(0, np.int32), *(p.points for p in pins)])
+    points = np.concatenate([p.points for p in pins])
     twice = len(np.unique(points)) < len(points)
     return [*held_far(body, pins), *(held_twice(body, pins) if twice else ())]
 
