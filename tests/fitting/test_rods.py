@@ -65,7 +65,7 @@ def test_the_command_fits_what_a_run_has_written(tmp_path, capsys):
 
 @pytest.mark.parametrize("seen, where, said", [
     (Scan("/rod", 3, np.zeros((4, 3))), "/rod", "have no surface to scan; give the points that were seen"),
-    (Pull("/clamp", [3], np.zeros((1, 2, 3)), sigma=1.0), "/clamp", "is a pin of rods /rod, whose reaction force")])
+    (Pull("/clamp", [3], np.zeros((1, 2, 3)), sigma=1.0), "/clamp", "is a pin of the rods /rod, and fits cannot use")])
 def test_what_is_not_observed_of_rods_is_refused_by_name(seen, where, said):
     with pytest.raises(SceneError, match=said) as raised:
         wsim.fit(swinging(), [seen], "gravity_z")
