@@ -47,7 +47,7 @@ def missed(fps: float | None, times: Sequence[float]) -> list[str]:
 def expected(plan, frames: int, samples: int = 1) -> str:
     """Text of what a frame and the run are expected to take and err by, in one line; samples: of the plan's frames a frame."""
     each, error = plan.seconds * samples, plan.choice.error
-    errs = "" if error is None else f"; it errs by about {percent(error)} of the size"
+    errs = "" if error is None else f"; expected error {percent(error)} of the size, more where small folds grow"
     return f"about {_short(each)} a frame, {_short(each * frames)} for {frames} frames, after kernels are compiled{errs}"
 
 
