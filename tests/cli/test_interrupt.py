@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -94,3 +95,15 @@ def test_ctrl_c_within_a_call_of_c(presses, heard):  # noqa: F811
     assert child.returncode == 130 and told == ["wsim: the run ends when this frame does; Ctrl-C again ends it at once\n"]
     assert (rest, err.strip()) == (("behind the frame\n", "") if presses == 1 else
                                    ("", "interrupted: out.partial.usdc holds the frames saved so far"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows wakes sockets alone")
+def test_presses_that_are_heard_when_a_run_is_over_end_nothing():
+    """They wait in a pipe: two of them started a timer that ended the process."""
+    for _ in range(20):
+        listener = interrupt._Listener()
+        listener.begin()
+        os.write(listener.ends[1], bytes([signal.SIGINT, signal.SIGINT]))
+        listener.end()
+        time.sleep(0.01)
+        assert not listener.ending.is_alive()

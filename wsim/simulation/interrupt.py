@@ -39,7 +39,7 @@ class _Listener:
     """A thread that hears of each Ctrl-C at once, whatever the main thread does."""
 
     def __init__(self):
-        self.presses, self.ends = 0, (-1, -1)
+        self.presses, self.ends, self.lock = 0, (-1, -1), threading.Lock()
         self.ending = threading.Timer(GRACE, _leave)
 
     def begin(self) -> None:
@@ -59,17 +59,19 @@ class _Listener:
         threading.Thread(target=self._listen, args=(self.ends[0],), name="ctrl-c", daemon=True).start()
 
     def end(self) -> None:
-        self.ending.cancel()
-        if self.ends != (-1, -1):
-            signal.set_wakeup_fd(-1)
-            os.close(self.ends[1])                              # the thread reads the end of the pipe, and ends
-            self.ends = (-1, -1)
+        with self.lock:
+            self.ending.cancel()
+            if self.ends != (-1, -1):
+                signal.set_wakeup_fd(-1)
+                os.close(self.ends[1])                          # the thread reads the end of the pipe, and ends
+                self.ends = (-1, -1)
 
     def _listen(self, end: int) -> None:
         while heard := os.read(end, 64):
-            for _ in range(heard.count(signal.SIGINT)):
-                self.presses += 1
-                self._answer()
+            with self.lock:
+                for _ in range(heard.count(signal.SIGINT) * (self.ends[0] == end)):      # none of a run that is over
+                    self.presses += 1
+                    self._answer()
         os.close(end)
 
     def _answer(self) -> None:
