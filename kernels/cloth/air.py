@@ -123,7 +123,6 @@ def press_leap(real, module):
     def speed(s: Half, i: int):
         return real(2.0) * s.v[i] - s.pair[(2 + s.at) * s.x.shape[0] + i] + (real(0.5) * s.known) * s.change[i]
 
-    @own
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def press_leap(triangle: wp.array(dtype=wp.vec3i), air: Air, s: Half, force_out: wp.array(dtype=t.vec3),
                    k_out: wp.array(dtype=t.scalar)):
@@ -166,6 +165,7 @@ def blow(real, module):
     """Kernel: each point gathers its triangles' forces into its predicted displacement."""
     t, (Corners, gather) = types(real), gatherer(real)
 
+    @own
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def blow(corners: Corners, force: wp.array(dtype=t.vec3), k: wp.array(dtype=t.scalar), w: wp.array(dtype=t.scalar),
              d: wp.array(dtype=t.vec3), g: real, d_out: wp.array(dtype=t.vec3)):

@@ -103,7 +103,15 @@ def staged() -> Scene:
     return scene
 
 
-SCENES = {"staged": staged, "sheet": sheet, "blown": blown, "everything": everything, "cube": cube, "jelly": jelly,
+def sail() -> Scene:
+    """As many triangles as points: threads of a triangle and of a point are of one number, and yet wait for each other."""
+    scene = Scene(solver="explicit", wind=(3.0, 1.0, 0.0))
+    points = 0.2 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+    scene.cloth("/sail", points, [3] * 4, [0, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2], material=CLOTH, drag=1.0, lift=0.5)
+    return scene
+
+
+SCENES = {"staged": staged, "sail": sail, "sheet": sheet, "blown": blown, "everything": everything, "cube": cube, "jelly": jelly,
           "mesh": mesh}
 
 
@@ -117,7 +125,7 @@ def run(scene: Scene, precision: str, monkeypatch, fused: bool, frames: int = 3)
     return sim.state.x.numpy(), sim.state.v.numpy(), sim
 
 
-@pytest.mark.parametrize("name, precision", [("everything", "float32"), ("mesh", "float32"),
+@pytest.mark.parametrize("name, precision", [("everything", "float32"), ("mesh", "float32"), ("sail", "float32"),
                                              *(pytest.param(*more, marks=pytest.mark.slow) for more in (
                                                  ("staged", "float32"), ("cube", "float32"), ("jelly", "float32"),
                                                  ("sheet", "float64"), ("blown", "float32"), ("everything", "float64"),
