@@ -105,7 +105,10 @@ def flush(kinds: frozenset[str], real, module):
         more = bool(True)
         while more:
             if rig.c.b[i] != rig.c.b[m] and rig.c.count[i] > 0 and rig.s.frame[rig.c.b[i]] >= rig.b.w.shape[0]:
-                if wp.length(wp.cross(normal(i, k, rig), normal(m, k, rig))) > real(SAME) and below(i, m, k, low, rig):
+                n = normal(i, k, rig)
+                v = normal(m, k, rig)
+                other = wp.dot(n, v) < real(0.0) or wp.length(wp.cross(n, v)) > real(SAME)
+                if other and below(i, m, k, low, rig):
                     if height(i, m, k, H, rig) <= low + lean and height(m, i, k, H, rig) > low:
                         found = True
             i += 1
