@@ -111,8 +111,8 @@ def sail() -> Scene:
     return scene
 
 
-SCENES = {"staged": staged, "sail": sail, "sheet": sheet, "blown": blown, "everything": everything, "cube": cube, "jelly": jelly,
-          "mesh": mesh}
+SCENES = {"staged": staged, "sail": sail, "sheet": sheet, "blown": blown, "everything": everything, "cube": cube,
+          "jelly": jelly, "mesh": mesh}
 
 
 def run(scene: Scene, precision: str, monkeypatch, fused: bool, frames: int = 3):
