@@ -1,4 +1,4 @@
-"""Rows of rigid_peers.py in words: a line each, a table, and where wsim is behind."""
+"""Rows of peers.py in words: a line each, a table, and where wsim is behind."""
 
 from tools.bench.rigid.problems import PROBLEMS, Problem
 from tools.bench.rigid.settings import words

@@ -1,6 +1,6 @@
 """Rigid bodies: the same scenes by wsim, MuJoCo and Newton's solvers, time of a frame beside error, row by row.
 
-    python tools/bench/rigid_peers.py [--peer-python X/bin/python] [--device cuda:0|cpu] [--json FILE] [--only NAME,...]
+    python tools/bench/rigid/peers.py [--peer-python X/bin/python] [--device cuda:0|cpu] [--json FILE] [--only NAME,...]
                                       [--engines wsim,mujoco,...] [--rounds 3] [--limit 300] [--again] [--table]
 
 X is an environment of the peers' own; what it lacks is said and left out:
@@ -10,7 +10,7 @@ X is an environment of the peers' own; what it lacks is said and left out:
 Without a net: the wheels of mujoco, mujoco_core, newton, mujoco_warp, absl_py and etils (21 MB for Python 3.12) unzipped into a
 folder that PYTHONPATH names, and wsim's own interpreter, which has Warp and NumPy, as the peer's.
 
-Scenes, and what they are judged by, are in rigid/problems.py; engines in rigid/run_NAME.py, each run in a process of its own.
+Scenes, and what they are judged by, are in problems.py; engines in run_NAME.py, each run in a process of its own.
 The rows of a scene run in turns, `rounds` times, and ms and cpu_ms are the least of all turns: others may use the machine.
 Rows that FILE has are kept and not run again, so that a run cut short goes on where it was. Each engine runs at a setting at
 which the columns stand and at its own default. MuJoCo runs on a CPU only, in float64; others in float32 but where it is said.
@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 from tools.bench.rigid.problems import PROBLEMS, Problem  # noqa: E402
 from tools.bench.rigid.settings import ENGINES, Engine, settings  # noqa: E402
