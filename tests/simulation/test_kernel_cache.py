@@ -122,7 +122,7 @@ def test_two_threads_step_two_simulations_to_the_bits_of_one():
         sim = Simulation(drape() if k % 2 else chain(10, substeps=4, iterations=4), device="cpu")
         for frame in range(12):
             if frame % 3 == 2:
-                sim.graph = None                                   # captured anew
+                sim.graphs.forget("test")                          # captured anew
                 sim.set("/", "gravity", (0.0, -9.0 - frame, 0.0))
             sim.step()
         return sim.positions()

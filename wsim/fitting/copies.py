@@ -100,7 +100,8 @@ class Copies:
         for array, saved in zip(self.arrays, self.saved, strict=True):
             wp.copy(array, saved)
         if clock.substeps != self.substeps:
-            clock.substeps, sim.graph = self.substeps, None
+            clock.substeps = self.substeps
+            sim.graphs.forget("substeps changed")
         clock.starting, sim.frame = True, 0
         sim.changes.clear()
         sim.milliseconds.clear()
@@ -126,7 +127,8 @@ class Copies:
         """Takes so many substeps a frame from now on, or more."""
         clock = self.sim.plan.clock
         if substeps > clock.substeps:
-            clock.substeps, self.sim.graph = substeps, None
+            clock.substeps = substeps
+            self.sim.graphs.forget("substeps changed")
         self.substeps = clock.substeps
 
     def aside(self) -> Aside:

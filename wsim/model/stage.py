@@ -140,6 +140,7 @@ class Remedy:
     refine    more substeps; `row` of `part` is not finite
     room      as `grow`, of a list that held nothing for lack of room: nothing else that the frame has said counts
     grow      `act` makes room for what overflowed, and says so in words ("" if nothing was lacking)
+    again     the frame is repeated with the same launches, by other words on the device
     give way  an integrator that needs small residuals goes on as backward Euler; `why` where it is not for a residual
     stop      no other step would do: the frame is given up, the simulation stands where it began, and `why` is said of `row`
     meet      contacts: a point could reach a collider in a frame that had none

@@ -78,6 +78,7 @@ def shorten(sim: Simulation) -> bool:
     sim.warnings.append(f"frame {sim.frame + 1}: an edge of {body.path} is {longest:.3g} times as long as at rest, and tension "
                         f"makes it stiffer: {clock.substeps} substeps of {plan.integrator} are sure to be stable up to "
                         f"{choice.bears:.3g} times; repeated with {choice.least}, which stay; give --substeps {choice.least}")
-    clock.substeps, clock.starting, sim.graph = choice.least, True, None
+    clock.substeps, clock.starting = choice.least, True
+    sim.graphs.forget("substeps were raised")
     plan.find("edges").most = MOST
     return True

@@ -103,7 +103,7 @@ def _settled(sim: Simulation, name: str, undo: Callable[[], None], *what) -> Non
     """Consequences of a value that was set; undone where it takes too many steps. what: thing, path, value, world, where all
     have one."""
     if any(m.remade for m in sim.plan.methods):
-        sim.graph = None
+        sim.graphs.forget(f"{name} was set, which takes another kernel")
         sim.seconds.pop("compile", None)
         for m in sim.plan.methods:
             m.remade = False
@@ -257,7 +257,7 @@ def place(sim: Simulation, path: str | None, name: str, values: np.ndarray, worl
     for body in bodies:
         _put(sim, body, name, values)
     sim.plan.clock.starting, sim.measured, sim.settled = True, False, None
-    sim.graph = None
+    sim.graphs.forget(f"{name} were set")
 
 
 def _put(sim: Simulation, body: Body, name: str, values: np.ndarray) -> None:

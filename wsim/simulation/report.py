@@ -8,6 +8,7 @@ UNITS = {"penetration": "m", "too_near": "m", "overlap": "m", "joint_error": "m"
 # one of what a number counts, by its name in a report
 NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point",
          "substeps": "substep", "iterations": "iteration"}
+EARLY = 10             # frames in which graphs are expected to be captured
 WHOLE = ("iterations", "steps", "particles", "asleep", "broken", "in_turn", "searches", "projected", "cut")   # they count
 PLAIN = (*WHOLE, "speed", "smoke", "temperature", "volume", "strain")                # ends of names of what is no error
 APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
@@ -68,7 +69,17 @@ def _speed(report: dict) -> list[str]:
     names = [*(n for n in ORDER if n in spent), *(n for n in spent if n not in ORDER)]
     if names:
         lines.append("  " + ", ".join(f"{n.replace('_', ' ')} {seconds(spent[n])}" for n in names))
-    return lines
+    return lines + _captures(report.get("captures", []))
+
+
+def _captures(told: list[dict]) -> list[str]:
+    """The captures of a run, and the reasons of those after its first frames."""
+    late = [c for c in told if c["frame"] > EARLY]
+    if not told:
+        return []
+    line = f"graphs    captured {len(told)} time{'s' * (len(told) > 1)} in {seconds(sum(c['seconds'] for c in told))}"
+    return [line + f", {len(late)} of them after frame {EARLY}" * bool(late),
+            *(f"  frame {c['frame']}, {c['form']}: {c['why']} ({seconds(c['seconds'])})" for c in late)]
 
 
 def _stages(report: dict) -> list[str]:

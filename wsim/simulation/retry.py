@@ -46,7 +46,8 @@ def begin(sim: Simulation) -> None:
     sim.plan.before_frame(sim.time)
     for method in sim.plan.methods:
         if method.moved:
-            sim.graph, method.moved = None, False
+            sim.graphs.forget(f"{method.name} launches something else")
+            method.moved = False
 
 
 def settle(sim: Simulation) -> None:
@@ -73,10 +74,9 @@ def _mend(sim: Simulation, said: list[Remedy]) -> bool:
     """`mend` of what keeps a frame from being whole."""
     kinds = {remedy.kind for remedy in said}
     if "room" in kinds:                                   # a frame without some of its contacts says nothing else
-        _grow(sim, said, "room")
-        sim.graph = None
+        _forget(sim, _grow(sim, said, "room"))
         return True
-    if sim.plan.clock.apart and kinds - {"grow"}:
+    if sim.plan.clock.apart and kinds - {"grow", "again"}:
         raise Company(not_finite(sim))
     if "meet" in kinds:                                   # whatever else is wrong may come of that
         sim.plan.clock.free = False
@@ -95,8 +95,15 @@ def _mend(sim: Simulation, said: list[Remedy]) -> bool:
     grown = _grow(sim, said, "grow")
     if "give way" in kinds and not grown:                 # a residual may come of what there was no room for
         _give_way(sim, next((r.why for r in said if r.kind == "give way" and r.why), ""))
-    sim.graph = sim.graph if kinds == {"doubt"} else None
+    changed = "substeps were raised" if "refine" in kinds else "backward Euler from here on" if "give way" in kinds else ""
+    _forget(sim, grown or [changed] * bool(changed))
     return bool(kinds - {"doubt"})
+
+
+def _forget(sim: Simulation, changes: list[str]) -> None:
+    """Drops graphs, where something has changed that they have."""
+    if changes:
+        sim.graphs.forget("; ".join(changes))
 
 
 def _grow(sim: Simulation, said: list[Remedy], kind: str) -> list[str]:
@@ -227,7 +234,8 @@ def _switch(sim: Simulation) -> bool:
     sim.scene = replace(scene, solver=other.solver, integrator="backward_euler", substeps=other.substeps,
                         iterations=other.iterations)
     sim.plan = plans.build(sim.scene, device=sim.device, real=sim.model.real, worlds=sim.worlds)
-    sim.model, sim.state, sim.graph = sim.plan.model, sim.plan.state, None
+    sim.model, sim.state = sim.plan.model, sim.plan.state
+    sim.graphs.forget("another solver from here on")
     for name, values in kept.items():
         sim.state.points.arrays[name].assign(values)
     for part in _others(sim.state):
@@ -274,7 +282,8 @@ def keep_stable(sim: Simulation, name: str, thing=None, path: str = "", value=No
         about = f", about {duration(each)} a frame" if least > counts.MANY else ""
         sim.warnings.append(f"frame {sim.frame + 1}: {name} was set; {sim.plan.integrator} now takes {least} substeps instead "
                             f"of {clock.substeps}{about}")
-        clock.substeps, clock.starting, sim.graph = least, True, None
+        clock.substeps, clock.starting = least, True
+        sim.graphs.forget(f"{name} was set, which takes more substeps")
 
 
 def _shorten(sim: Simulation) -> bool:

@@ -22,6 +22,7 @@ from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
+from wsim.simulation.measure.captures import Graphs
 from wsim.simulation.measure.exceeded import Note, note
 from wsim.simulation.predicted.measured import follow
 
@@ -58,7 +59,7 @@ class Simulation:
         self.gradients, self.fps, self.device = gradients, fps, kernel_cache.device(device)
         self.warnings, self.overlaps = [str(p) for p in (*scene.notes, *problems)], any(p.overlap for p in problems)
         self.seconds: dict[str, float] = {}
-        self.graphs: dict = {}                 # of frames with contacts (False), without (True), and see `live.prepare`
+        self.graphs = Graphs()
         self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
         if worlds > 1:
             from wsim.simulation.measure.memory import fit
@@ -68,7 +69,8 @@ class Simulation:
 
     def _build(self) -> None:
         self.frame = 0
-        self.graph = self.pulled = self.settled = None           # made by `reactions` (pulled) and `follow` (settled)
+        self.graphs.forget("the simulation was reset")
+        self.pulled = self.settled = None      # made by `reactions` (pulled) and `follow` (settled)
         self.measured: Any = None              # made by `follow` in the first frame; False: never, nor `settled`
         self.balance: measure.Balance | None = None
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])      # live motions change copies
@@ -165,7 +167,7 @@ class Simulation:
         self.seconds["compile"] = time.perf_counter() - began
 
     def _replay(self) -> None:
-        if not self.plan.starts and (self.graph or self.plan.fits):
+        if not self.plan.starts and (self.graph or self.graphs.wanted and self.plan.fits):
             wp.capture_launch(self.graph or self._capture())
         elif "met again" in self.graphs and not self.plan.clock.starting:
             wp.capture_launch(self.graphs["met again"])
@@ -174,15 +176,8 @@ class Simulation:
 
     @property
     def graph(self) -> wp.Graph | None:
-        """Graph of frames of the present form. None forgets both."""
+        """Graph of frames of the present form; None: none was captured."""
         return self.graphs.get(self.plan.clock.free)
-
-    @graph.setter
-    def graph(self, value: wp.Graph | None) -> None:
-        if value is None:
-            self.graphs.clear()
-        else:
-            self.graphs[self.plan.clock.free] = value
 
     def prepare(self) -> None:
         """Compiles, and captures every form of a frame, so that none to come does: for live use, when motions were set once."""
@@ -191,13 +186,12 @@ class Simulation:
             live.prepare(self)
 
     def _capture(self) -> wp.Graph:
-        began = time.perf_counter()
-        with kernel_cache.capture(self.device) as capture:
-            self.plan.frame()
+        clock = self.plan.clock
+        graph = self.graphs.capture(self.device, self.frame + 1, clock.form, self.plan.frame)
         if not self.plan.starts:
-            self.graph = capture.graph
-        self.seconds["capture"] = time.perf_counter() - began
-        return capture.graph
+            self.graphs[clock.free] = graph
+        self.seconds["capture"] = self.graphs.log[-1].seconds
+        return graph
 
     def reset(self, world: int | None = None) -> None:
         """Sets the simulation back to the scene's initial state, with the scene's own parameters; or one world alone, while its

@@ -80,7 +80,8 @@ class Targets(Input):
     def put(self, value: np.ndarray, world: int) -> None:
         (p, hard), clock = self.pin(world), self.sim.plan.clock
         p.motion = Given(value, self.recording.start, self.sim.scene.fps, clock.moments(hard) / clock.dt)
-        self.pins.changed, self.sim.graph = True, None
+        self.pins.changed = True
+        self.sim.graphs.forget("pins move otherwise")
 
     def scale(self) -> float:
         return Start(self.recording, f"{self.pin(0)[0].pin.body}:positions").scale()

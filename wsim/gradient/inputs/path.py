@@ -135,7 +135,8 @@ class Path(Input):
             self.sim.plan.find("contacts").move(self.path, new)
         else:
             self.pin(world).motion = new
-            self.recording.parameters.pins.changed, self.sim.graph = True, None
+            self.recording.parameters.pins.changed = True
+            self.sim.graphs.forget("pins move otherwise")
 
     def gradient(self, gradient, world: int, shape: tuple[int, ...]) -> np.ndarray:
         times, by, turn = self.ways(gradient, world)

@@ -52,7 +52,8 @@ class Bones(Input):
         for p in self.followers:
             p.motion.follow = replace(p.motion.follow, skin=replace(p.motion.follow.skin, skeleton=bones))
         if self.followers:
-            self.pins.changed, self.sim.graph = True, None
+            self.pins.changed = True
+            self.sim.graphs.forget("pins move otherwise")
 
     def changed(self, value: np.ndarray):
         """The skeleton with another value."""

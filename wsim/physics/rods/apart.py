@@ -73,7 +73,7 @@ class Apart:
     def _list(self, few: int) -> None:
         """Lists strands that are on. Launches go over these while they are more than `few`."""
         self.parts.listed.zero_()
-        wp.launch(self.enlist, self.strands.table.strands, [self.parts, few], [self.words], device=self.device)
+        self.each(self.enlist, [self.parts, few], [self.words], 1)
 
     def _iterate(self, few: int) -> None:
         s, A = self.strands, self.parts

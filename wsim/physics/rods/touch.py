@@ -247,7 +247,7 @@ class Touching(Together):
         if said[cut.LOST] > LOSS and not self.often:
             self.often = True
             self.repeats += 1
-            return [*super().retry(), Remedy("grow")]
+            return [*super().retry(), Remedy("again")]
         return super().retry()
 
     def grow(self, wanted: int, full: int) -> str:

@@ -253,7 +253,7 @@ class SelfContact(Method):
         if (said[cut.LOST] > LOSS or said[cut.PINCHED]) and not self.often:
             self.often = True
             self.repeats += 1
-            return [Remedy("grow")]
+            return [Remedy("again")]
         if said[cut.PINCHED] and (self.model.worlds == 1 or self.clock.apart):
             self.total[cut.PINCHED] += said[cut.PINCHED]
             self.stopped = True

@@ -202,7 +202,7 @@ def report(sim, with_profile: bool = True) -> dict:
         "points": plan.model.points, "constraints": constraints, "sizes": sizes, "ms_per_frame": ms,
         "points_per_second": plan.model.points * a_second,
         "constraints_per_second": a_substep * a_second, "bodies_per_second": sizes.get("bodies", 0) * a_second,
-        "seconds": dict(sim.seconds), "error": error,
+        "seconds": dict(sim.seconds), "captures": sim.graphs.told(), "error": error,
         "predicted": {"ms_per_frame": 1e3 * plan.seconds, "error": plan.choice.error,
                       **(sim.measured.report() if sim.measured else {})},
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}

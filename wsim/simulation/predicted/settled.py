@@ -64,6 +64,7 @@ class Settled:
             finer = replace(sim.given, solver="xpbd", integrator="backward_euler", fps=sim.given.fps * steps, substeps=parts,
                             iterations=sweeps)
             self.other = type(sim)(finer, device=sim.device, precision=sim.precision)
+            self.other.graphs.wanted = False
         self.other.restart(sim.frame * steps, {path: sim.fields(path) for path in sim.state.paths()}, alike=False)
         self.other.step()
         return peak_strain(self.other)

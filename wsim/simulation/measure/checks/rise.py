@@ -38,7 +38,8 @@ def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
     steps = max(min(more * c.steps, MOST) or TIMES * before for c in checks)
     if steps <= before:
         return False
-    clock.substeps, clock.starting, sim.graph = steps * clock.integrator.solves, True, None
+    clock.substeps, clock.starting = steps * clock.integrator.solves, True
+    sim.graphs.forget("substeps were raised")
     balance.rises += 1
     sim.repeats.append(f"frame {sim.frame + 1}: {'; '.join(dict.fromkeys(c.why for c in checks))}; repeated with {clock.steps} "
                        f"substeps in place of {before}, which stay")
