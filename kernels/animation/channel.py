@@ -17,6 +17,7 @@ from wsim.kernels.animation import cubic, easing, outside
 real = wp.float64
 STRAIGHT, HOLD, BEZIER = 0, 1, 2                      # codes; others are numbers of easings by name
 cubic_value = wp.func(cubic.value, name="cubic_value")
+cubic_rate = wp.func(cubic.rate, name="cubic_rate")
 inside = wp.func(outside.outsides(wp, real).inside, name="inside_keys")
 
 
@@ -57,7 +58,7 @@ def located(c: Channels, channel: int, t: real):
             high = middle
     k = wp.max(low - 1, first)
     s = real(0.0)
-    if first < last:
+    if k < c.first[channel + 1] - 1:
         s = (at - c.time[k]) / (c.time[k + 1] - c.time[k])
     if mode >= wp.static(outside.REPEAT):
         side = -1
@@ -66,7 +67,8 @@ def located(c: Channels, channel: int, t: real):
 
 @cache
 def channels(codes: tuple[int, ...], names: tuple[str, ...]) -> SimpleNamespace:
-    """`value` (c, channel, t) for pieces with these codes. names: of the easings whose codes are behind BEZIER."""
+    """`value` (c, channel, t) for pieces with these codes, and `rate` -> (value, its rate a second): at a key the one behind
+    it. names: of the easings whose codes are behind BEZIER."""
     own = f"{'_'.join(map(str, codes))}"
     formulas = easing.easings(wp, real)
     found = wp.func(_plain, name=f"eased_{own}")
@@ -79,41 +81,62 @@ def channels(codes: tuple[int, ...], names: tuple[str, ...]) -> SimpleNamespace:
         k, s, n, _way, side, beyond = located(c, channel, t)
         p = c.part[k]
         x = c.x[k]
-        found_value = cubic_value(p[0], p[1], p[2], p[3], found(c.code[k], x[0], x[1], s))
-        if side >= 0:
-            found_value = c.end[channel][side] + c.slope[channel][side] * beyond
-        if n > real(0.0):
-            found_value += n * c.growth[channel][1]
-        elif n < real(0.0):
-            found_value += n * c.growth[channel][0]
-        return found_value
+        u, _du = found(c.code[k], x[0], x[1], s)
+        return extended(c, channel, cubic_value(p[0], p[1], p[2], p[3], u), n, side, beyond)
 
-    return SimpleNamespace(value=wp.func(value, name=f"channel_value_{own}"))
+    def rate(c: Channels, channel: int, t: real):
+        k, s, n, way, side, beyond = located(c, channel, t)
+        p = c.part[k]
+        x = c.x[k]
+        u, du = found(c.code[k], x[0], x[1], s)
+        speed = real(0.0)
+        if side >= 0:
+            speed = c.slope[channel][side]
+        elif k < c.first[channel + 1] - 1:
+            speed = cubic_rate(p[1], p[2], p[3], u) * (du / (c.time[k + 1] - c.time[k])) * way
+        return extended(c, channel, cubic_value(p[0], p[1], p[2], p[3], u), n, side, beyond), speed
+
+    return SimpleNamespace(value=wp.func(value, name=f"channel_value_{own}"), rate=wp.func(rate, name=f"channel_rate_{own}"))
+
+
+@wp.func
+def extended(c: Channels, channel: int, within: real, n: real, side: int, beyond: real):
+    """The value within the keys, or what is outside of them."""
+    found = within
+    if side >= 0:
+        found = c.end[channel][side] + c.slope[channel][side] * beyond
+    if n > real(0.0):
+        found += n * c.growth[channel][1]
+    elif n < real(0.0):
+        found += n * c.growth[channel][0]
+    return found
 
 
 def _plain(code: int, x1: real, x2: real, s: real):
     u = s
+    du = real(1.0)
     if code == HOLD:
         u = real(0.0)
-    return u
+        du = real(0.0)
+    return u, du
 
 
 def _handled(before, parameter, own: str):
     def warped(code: int, x1: real, x2: real, s: real):
-        u = before(code, x1, x2, s)
+        u, du = before(code, x1, x2, s)
         if code == BEZIER:
-            u, _rate = parameter(s, x1, x2)
-        return u
+            u, du = parameter(s, x1, x2)
+        return u, du
 
     return wp.func(warped, name=f"eased_handles_{own}")
 
 
 def _named(before, formula, number: int, own: str):
     def warped(code: int, x1: real, x2: real, s: real):
-        u = before(code, x1, x2, s)
+        u, du = before(code, x1, x2, s)
         if code == number:
-            u, _rate = formula(s)
-        return u
+            u, du = formula(s)
+        return u, du
 
     return wp.func(warped, name=f"eased_{number}_of_{own}")
 

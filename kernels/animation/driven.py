@@ -13,10 +13,19 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.animation.pinned import MORE, fastest
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix, normalized, slerp
 
-real, mat44, vec3, quat = wp.float64, wp.mat44d, wp.vec3d, wp.quatd
+real, mat33, mat44, vec3, quat = wp.float64, wp.mat33d, wp.mat44d, wp.vec3d, wp.quatd
+
+
+@wp.func
+def frame(A: mat33, p: vec3):
+    """Matrix of a linear part and a place."""
+    zero = real(0.0)
+    return mat44(A[0, 0], A[0, 1], A[0, 2], p[0], A[1, 0], A[1, 1], A[1, 2], p[1], A[2, 0], A[2, 1], A[2, 2], p[2],
+                 zero, zero, zero, real(1.0))
 
 
 @wp.struct
@@ -26,7 +35,10 @@ class Driven:
     body: wp.array(dtype=int)                 # row of the bodies, (driven,)
     origin: wp.array(dtype=vec3)              # of that body [m], (driven,)
     bound: wp.array(dtype=mat44)              # C, (driven,)
-    back: wp.array2d(dtype=mat44)             # M^-1, (times, skeletons)
+    motion: wp.array(dtype=int)               # row of A and p, of each skeleton
+    A: wp.array2d(dtype=mat33)                # motion of the skeletons, (skeletons, times): M = (A S, p)
+    p: wp.array2d(dtype=vec3)
+    stretch: wp.array(dtype=mat33)            # S, of each skeleton
     part: wp.array(dtype=real)                # s, (times,)
 
 
@@ -71,10 +83,11 @@ def drive(of, module):
         x = place(a, body)
         x = driven.origin[j] + x + s * (place(b, body) - x)
         R = matrix(slerp(turn(a, body), turn(b, body), s))
-        zero = real(0.0)
-        Y = mat44(R[0, 0], R[0, 1], R[0, 2], x[0], R[1, 0], R[1, 1], R[1, 2], x[1], R[2, 0], R[2, 1], R[2, 2], x[2],
-                  zero, zero, zero, real(1.0))
-        world_out[k, driven.joint[j]] = driven.back[k, driven.skeleton[j]] * Y * driven.bound[j]
+        Y = frame(R, x)
+        own = driven.skeleton[j]
+        m = driven.motion[own]
+        back = wp.inverse(frame(driven.A[m, k] * driven.stretch[own], driven.p[m, k]))
+        world_out[k, driven.joint[j]] = back * Y * driven.bound[j]
 
     return wp.kernel(drive_joints, name=f"drive_joints_{types(of).name}", module=module, enable_backward=False)
 
@@ -85,13 +98,16 @@ class Hung:
     place: wp.array(dtype=vec3)               # u, v [1], h [m], (places,)
     ends: wp.array(dtype=wp.vec2i)            # places of which a column is the middle, twice one: that one, (columns,)
     origin: vec3                              # o [m]
-    motion: wp.array(dtype=mat44)             # M, (times,)
+    motion: int                               # row of A and p
+    A: wp.array2d(dtype=mat33)                # M, (motions, times)
+    p: wp.array2d(dtype=vec3)
     first: int                                # column of the targets
+    pin: int                                  # number among the speeds
 
 
 @cache
-def hang(of, module):
-    """Kernel over (times, columns of a pin): where its points are put [m]."""
+def hung_place(of):
+    """Function: where column i of a pin is put at time k [m], in the world. of: precision of the skinned points."""
     t = types(of)
 
     @wp.func
@@ -107,12 +123,37 @@ def hang(of, module):
         p = hung.place[i]
         n = wp.normalize(wp.cross(x1 - x0, x2 - x0))
         local = p[0] * x0 + p[1] * x1 + (real(1.0) - p[0] - p[1]) * x2 + p[2] * n
-        return wp.transform_point(hung.motion[k], local)
+        return hung.A[hung.motion, k] * local + hung.p[hung.motion, k]
 
-    def hang_pins(hung: Hung, x: wp.array2d(dtype=t.vec3), target_out: wp.array2d(dtype=t.vec3)):
-        k, i = wp.tid()
+    def middle(hung: Hung, x: wp.array2d(dtype=t.vec3), k: int, i: int):
         ends = hung.ends[i]
-        y = real(0.5) * (placed(hung, x, k, ends[0]) + placed(hung, x, k, ends[1])) - hung.origin
-        target_out[k, hung.first + i] = t.vec3(of(y[0]), of(y[1]), of(y[2]))
+        return real(0.5) * (placed(hung, x, k, ends[0]) + placed(hung, x, k, ends[1]))
 
-    return wp.kernel(hang_pins, name=f"hang_pins_{t.name}", module=module, enable_backward=False)
+    return wp.func(middle, name=f"hung_place_{t.name}")
+
+
+@cache
+def hang(of, out, module):
+    """Kernel over (times, columns of a pin): where its points are put [m], of the precision `out`. of: of skinned points."""
+    t, o, middle = types(of), types(out), hung_place(of)
+
+    def hang_pins(hung: Hung, x: wp.array2d(dtype=t.vec3), target_out: wp.array2d(dtype=o.vec3)):
+        k, i = wp.tid()
+        y = middle(hung, x, k, i) - hung.origin
+        target_out[k, hung.first + i] = o.vec3(out(y[0]), out(y[1]), out(y[2]))
+
+    return wp.kernel(hang_pins, name=f"hang_pins_{t.name}_{o.name}", module=module, enable_backward=False)
+
+
+@cache
+def pull(of, module):
+    """Kernel over columns of a pin: its greatest speed [m/s], at the last three times (pinned.py)."""
+    t, middle = types(of), hung_place(of)
+
+    def pull_hung(hung: Hung, x: wp.array2d(dtype=t.vec3), dt: real, speed_out: wp.array(dtype=real)):
+        i = wp.tid()
+        k = x.shape[0] - MORE
+        wp.atomic_max(speed_out, hung.pin, fastest(middle(hung, x, k, i), middle(hung, x, k + 1, i), middle(hung, x, k + 2, i),
+                                                   dt))
+
+    return wp.kernel(pull_hung, name=f"pull_hung_{t.name}", module=module, enable_backward=False)

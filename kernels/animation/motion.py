@@ -67,11 +67,12 @@ def at(keys: Keys, m: int, t: real):
 
 @cache
 def sample(module):
-    """Kernel over (motions, times): motions at times start + dt k / (times - 1) [s]."""
+    """Kernel over (motions, moments): motions at times start + moment [s]. start: when the frame begins, (1,)."""
 
-    def sample(keys: Keys, start: real, dt: real, A_out: wp.array2d(dtype=mat33), p_out: wp.array2d(dtype=vec3)):
+    def sample(keys: Keys, start: wp.array(dtype=real), moment: wp.array(dtype=real), A_out: wp.array2d(dtype=mat33),
+               p_out: wp.array2d(dtype=vec3)):
         m, k = wp.tid()
-        A, p = at(keys, m, start + dt * real(k) / real(A_out.shape[1] - 1))
+        A, p = at(keys, m, start[0] + moment[k])
         A_out[m, k] = A
         p_out[m, k] = p
 

@@ -56,14 +56,15 @@ def between(joints: Joints, s: int, t: real):
 
 @cache
 def local(module):
-    """Kernel over (times, joints): L."""
+    """Kernel over (moments, joints): L at times start + moment [s]. start: when the frame begins, (1,)."""
 
-    def local_joints(joints: Joints, time: wp.array(dtype=real), world_out: wp.array2d(dtype=mat44)):
+    def local_joints(joints: Joints, start: wp.array(dtype=real), moment: wp.array(dtype=real),
+                     world_out: wp.array2d(dtype=mat44)):
         k, j = wp.tid()
         s = joints.skeleton[j]
         L = joints.rest[j]
         if joints.animated[j] != 0:
-            a, b, part = between(joints, s, time[k])
+            a, b, part = between(joints, s, start[0] + moment[k])
             e = joints.entry[j] + a * joints.width[j]
             f = joints.entry[j] + b * joints.width[j]
             T = joints.place[e]

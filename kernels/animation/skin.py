@@ -182,6 +182,33 @@ def shapes(real, module):
 
 
 @cache
+def keys(module):
+    """Kernel over (moments, points): points by keys, straight between them and held outside. start: when the frame begins."""
+
+    def blend_keys(time: wp.array(dtype=wp.float64), value: wp.array2d(dtype=wp.vec3f), start: wp.array(dtype=wp.float64),
+                   moment: wp.array(dtype=wp.float64), x_out: wp.array2d(dtype=wp.vec3f)):
+        k, i = wp.tid()
+        t = start[0] + moment[k]
+        low = int(0)
+        high = time.shape[0]
+        while low < high:                         # the first key later than t
+            middle = (low + high) // 2
+            if time[middle] <= t:
+                low = middle + 1
+            else:
+                high = middle
+        b = wp.min(low, time.shape[0] - 1)
+        a = wp.max(low - 1, 0)
+        x = value[a, i]
+        if b > a:
+            s = (t - time[a]) / (time[b] - time[a])
+            x = x + float(s) * (value[b, i] - x)
+        x_out[k, i] = x
+
+    return wp.kernel(blend_keys, name="blend_keys", module=module, enable_backward=False)
+
+
+@cache
 def extents(module):
     """Kernel over (substeps, points): the greatest distance from `center` at either end of a substep, and the greatest way in
     it [m]. Maxima: the order does not matter; most points only look."""

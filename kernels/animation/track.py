@@ -124,13 +124,13 @@ def functions(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, 
 
 @cache
 def sample(codes: tuple[int, ...], names: tuple[str, ...], whats: tuple[int, ...], module):
-    """Kernel over (motions, times): motions at times start + dt k / (times - 1) [s], into rows `row` of what is sampled."""
+    """Kernel over (motions, moments): motions at times start + moment [s]. start: when the frame begins, (1,)."""
     at = functions(codes, names, whats).at
 
-    def sample(parts: Parts, c: Channels, turns: Turns, start: real, dt: real, A_out: wp.array2d(dtype=mat33),
-               p_out: wp.array2d(dtype=vec3)):
+    def sample(parts: Parts, c: Channels, turns: Turns, start: wp.array(dtype=real), moment: wp.array(dtype=real),
+               A_out: wp.array2d(dtype=mat33), p_out: wp.array2d(dtype=vec3)):
         m, k = wp.tid()
-        A, p = at(parts, c, turns, m, start + dt * real(k) / real(A_out.shape[1] - 1))
+        A, p = at(parts, c, turns, m, start[0] + moment[k])
         A_out[m, k] = A
         p_out[m, k] = p
 

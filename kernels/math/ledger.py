@@ -63,6 +63,26 @@ def close_frame(rows: wp.array(dtype=wp.vec4d), terms: int, part: wp.float64, le
 
 
 @wp.kernel(module="wsim_ledger", enable_backward=False)
+def open_frame(speed: wp.array(dtype=wp.float64), still: wp.float64, mass: wp.float64, given: wp.array(dtype=wp.float64),
+               gift_out: wp.array(dtype=wp.float64), word: wp.array(dtype=int)):
+    """A thread a world. speed: of pins in the frame [m/s], (pins,): one above `still` leaves the frame open; given: gift of
+    what else works, (worlds,). word: number of the first pin that moves, and 1; 0: none does."""
+    w = wp.tid()
+    most = wp.float64(0.0)
+    first = int(0)
+    for p in range(speed.shape[0]):
+        if speed[p] > still and first == 0:
+            first = p + 1
+        most = wp.max(most, speed[p])
+    gift = given[w]
+    if first > 0:
+        gift = wp.max(gift, wp.float64(2.0) * mass * most * most)
+    gift_out[w] = gift
+    if w == 0:
+        word[0] = first
+
+
+@wp.kernel(module="wsim_ledger", enable_backward=False)
 def store_energy(sums: wp.array(dtype=wp.vec3d), first: int, least: wp.float64, rows: wp.array(dtype=wp.vec4d)):
     """A thread a row: elastic energy sums[2] [J] as stored; least: the part of it that is known to be there."""
     i = wp.tid()

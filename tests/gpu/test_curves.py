@@ -32,7 +32,7 @@ def test_motions_of_every_kind_are_those_of_the_host(monkeypatch):
     c = tried([Collider(f"/{k}", Sphere(0.1), m) for k, m in enumerate(motions)], device="cuda:0")
     for time in (-7.0, -1.9, 0.37, 1.9, 3.7, 11.0):
         c.prepare(time)
-        of, t = c.poses.loaded["tracks"], time + 0.5 * np.arange(8) / 7
+        of, t = c.poses.device_rows.sampled, time + 0.5 * np.arange(8) / 7
         A, p = of.A.numpy(), of.p.numpy()
         for k, motion in enumerate(motions):
             M = motion.sampled(t)

@@ -108,3 +108,18 @@ class Launches:
             compile_all(blocks, self.device)
         for name, block in blocks.items():
             kernel_cache.load(name, self.device, block)
+
+
+class LaunchList:
+    """Launches in order with arguments that do not change, packed once and issued before every frame."""
+
+    def __init__(self, device, launches: list[tuple]):
+        """launches: (kernel, dim, inputs, outputs) each; their modules are loaded, and their arrays live as long as this."""
+        import warp as wp
+        self.held = launches
+        self.each = [wp.launch(kernel, dim, inputs, outputs, device=device, record_cmd=True)
+                     for kernel, dim, inputs, outputs in launches]
+
+    def launch(self) -> None:
+        for each in self.each:
+            each.launch()

@@ -144,7 +144,7 @@ def test_frames_without_contacts_are_those_of_the_body_alone():
     assert np.array_equal(alone.state.x.numpy(), far.state.x.numpy())
 
 
-def test_poses_of_few_colliders_at_many_substeps_are_those_of_the_host():
+def test_poses_of_a_collider_at_many_substeps_are_those_of_a_cpu():
     poses = []
     for device in ("cpu", "cuda:0"):
         scene = jelly()
@@ -152,6 +152,6 @@ def test_poses_of_few_colliders_at_many_substeps_are_those_of_the_host():
         sim = wsim.Simulation(scene, device=device)
         sim.step()
         contacts = sim.plan.find("contacts")
-        assert bool(len(contacts.poses.many)) == (device != "cpu")
+        assert contacts.poses.many.tolist() == [0]
         poses.append(contacts.table.pose.numpy())
     assert poses[0].shape == (121, 1, 7) and np.abs(poses[0] - poses[1]).max() < 1e-6

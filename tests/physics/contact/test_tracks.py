@@ -10,6 +10,7 @@ from tests.scene.curve.test_usd_splines import both
 from wsim.geometry import rotation, rotation_spline
 from wsim.kernels.animation import rotation_spline as device
 from wsim.physics.contact import poses
+from wsim.physics.contact.poses.sampled import Sampled
 from wsim.scene import Collider, Sphere
 from wsim.scene.curve import Curve, Motion, Part, Stack
 from wsim.scene.curve.easing import NAMES
@@ -22,8 +23,8 @@ def sampled(motions, time, dt=0.5) -> np.ndarray:
     """(motions, 8, 4, 4) of the device, from `time` on."""
     c = tried([Collider(f"/{k}", Sphere(0.1), m) for k, m in enumerate(motions)])
     c.prepare(time)
-    of = c.poses.loaded["tracks"]
-    assert c.poses.tracks.tolist() == list(range(len(motions))) and "keys" not in c.poses.loaded
+    of = c.poses.device_rows.sampled
+    assert c.poses.many.tolist() == of.row.tolist() == list(range(len(motions))) and of.split == 0
     M = np.tile(np.eye(4), (*of.A.shape, 1, 1))
     M[..., :3, :3], M[..., :3, 3] = of.A.numpy(), of.p.numpy()
     return M
@@ -70,14 +71,13 @@ TIMES = np.linspace(-3.0, 6.0, 91) + 1e-3
 
 def packed_samples(motions) -> np.ndarray:
     """As `sampled`, of motions that no collider may have."""
-    from wsim.physics.contact.poses.tracks import Tracks
-    of = Tracks(wp.get_device("cpu"))
-    of.take(motions)
-    A = wp.zeros((len(motions), len(TIMES)), dtype=wp.mat33d, device="cpu")
-    p = wp.zeros((len(motions), len(TIMES)), dtype=wp.vec3d, device="cpu")
-    of.launch(A, p, float(TIMES[0]), float(TIMES[-1] - TIMES[0]))
-    M = np.tile(np.eye(4), (*A.shape, 1, 1))
-    M[..., :3, :3], M[..., :3, 3] = A.numpy(), p.numpy()
+    of = Sampled(wp.get_device("cpu"), "unused")
+    of.take(motions, TIMES - TIMES[0])
+    of.begin(TIMES[0])
+    for kernel, dim, inputs, outputs in of.launches():
+        wp.launch(kernel, dim, inputs, outputs, device="cpu")
+    M = np.tile(np.eye(4), (*of.A.shape, 1, 1))
+    M[..., :3, :3], M[..., :3, 3] = of.A.numpy(), of.p.numpy()
     return M
 
 
@@ -92,7 +92,7 @@ def test_what_is_compiled_has_the_easings_and_parts_that_there_are_and_no_others
     from wsim.physics.contact.poses.tracks import Tracks
     of = Tracks(wp.get_device("cpu"))
     of.take([made("catmull_rom", "held", 1, alpha=None)])
-    assert of.kernel.module.name == "wsim_tracks_0_of_5"
+    assert of.sample.module.name == "wsim_tracks_0_of_5"
 
 
 @wp.kernel(module="test_rotation_splines")

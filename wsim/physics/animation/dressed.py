@@ -16,45 +16,48 @@ import warp as wp
 
 from wsim.geometry import rotation
 from wsim.kernels.animation import driven as kernels
+from wsim.kernels.animation.motion import sample as linear_sample
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
+from wsim.model.launches import LaunchList
 from wsim.model.stage import Clock, Stage
 from wsim.model.structs import filled
 from wsim.physics.animation import skinning
 from wsim.physics.animation.driven import placed
-from wsim.physics.animation.objects import Follow, Skeleton
-from wsim.physics.animation.skin import DrivenSkin, Skin
-from wsim.physics.animation.tables import Tables
+from wsim.physics.animation.hung import Hung
+from wsim.physics.animation.objects import Skeleton
+from wsim.physics.animation.skin import DrivenSkin
+from wsim.physics.animation.tables import Sampling, Tables
+from wsim.physics.contact.poses.sampled import Sampled
 
 FIELDS = ("x", "e", "q", "o")
 
 
-class Sampling:
-    """Transforms of joints at some moments of a frame: tables of the device, and what they are made of."""
+class DrivenSampling(Sampling):
+    """Transforms of joints at some moments of a frame, of which bodies drive some: tables of the device, and what they are made
+    of."""
 
     def __init__(self, dressed: Dressed, moments: np.ndarray):
         """moments [s] in a frame, (times,)."""
-        self.dressed, self.moments = dressed, moments
-        device, count, tables = dressed.device, len(moments), dressed.tables
-        self.times = wp.zeros(count, dtype=wp.float64, device=device)
-        self.world = wp.zeros((count, tables.count), dtype=wp.mat44d, device=device)
-        self.A = wp.zeros((count, tables.count), dtype=wp.types.matrix((3, 4), dressed.real), device=device)
-        self.driven = filled(kernels.Driven, **dressed.columns)
-        self.driven.back = wp.zeros((count, len(dressed.skeletons)), dtype=wp.mat44d, device=device)
-        self.driven.part = wp.array(moments / dressed.dt, dtype=wp.float64, device=device)
+        super().__init__(dressed.tables, moments)
+        self.dressed, bones = dressed, dressed.skeletons
+        self.motions = Sampled(dressed.device, dressed.module)
+        self.motions.take([each.motion for each in bones], moments)
+        stretch = [np.eye(3) if each.stretch is None else each.stretch for each in bones]
+        self.driven = filled(kernels.Driven, **dressed.columns, A=self.motions.A, p=self.motions.p,
+                             motion=dressed.array(self.motions.row, int), stretch=dressed.array(stretch, wp.mat33d),
+                             part=dressed.array(moments / dressed.dt, wp.float64))
+        self.before = LaunchList(dressed.device, self.motions.launches())
 
     def begin(self, time: float) -> None:
         """The frame that begins at `time` [s]."""
-        self.times.assign(time + self.moments)
-        self.driven.bound = self.dressed.columns["bound"]
-        still = not any(bones.motion.moves for bones in self.dressed.skeletons)
-        at = [time] if still else time + self.moments
-        back = np.array([[np.linalg.inv(placed(bones, t)) for bones in self.dressed.skeletons] for t in at])
-        self.driven.back.assign(np.broadcast_to(back, (len(self.moments), *back.shape[1:])))
+        super().begin(time)
+        self.motions.begin(time)
+        self.before.launch()
 
     def launch(self) -> None:
-        d, t, how = self.dressed, self.dressed.tables, {"device": self.dressed.device}
-        wp.launch(t.local, self.world.shape, [t.joints, self.times], [self.world], **how)
+        d, t, how = self.dressed, self.tables, {"device": self.dressed.device}
+        wp.launch(t.local, self.world.shape, [t.joints, self.start, self.moment], [self.world], **how)
         for k, own in enumerate(d.levels):
             if k:
                 level = t.levels[k - 1]
@@ -64,43 +67,30 @@ class Sampling:
         wp.launch(t.bones, self.world.shape, [t.joints, self.world], [self.A], **how)
 
 
-class Hung:
+class DrivenHung(Hung):
     """A pin that follows a driven skeleton."""
 
     def __init__(self, dressed: Dressed, pin, kind: str, first: int):
         """pin: of `wsim.physics.motion.pins.Pins`; first: its column among the targets of its kind."""
-        follow: Follow = pin.pin.follows
-        skin, corners = follow.only_points()
-        self.dressed, self.kind, self.bones, self.count = dressed, kind, skin.skeleton, len(pin.places)
-        self.skin = Skin(dressed, skin, out=dressed.real)
-        n = len(pin.pin.points)
-        ends = np.concatenate([np.tile(np.arange(n)[:, None], 2), np.asarray(pin.ends).reshape(-1, 2)])
+        super().__init__(dressed.tables, pin, first)
+        self.dressed, self.kind = dressed, kind
+        self.list: list[tuple] = []
+        self.made: Any = None                            # what `list` was made for
 
-        def array(values, dtype):
-            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=dressed.device)
-        self.table = filled(kernels.Hung, corner=array(corners.astype(np.int32), wp.vec3i),
-                            place=array(follow.places, wp.vec3d), ends=array(ends.astype(np.int32), wp.vec2i),
-                            origin=wp.vec3d(*pin.body.origin), first=first)
-        self.x: Any = None
-
-    def begin(self, time: float, moments: np.ndarray) -> None:
-        d = self.dressed
-        if self.x is None or len(self.x) != len(moments):
-            shape = (len(moments), self.skin.point.shape[1])
-            self.x = wp.zeros(shape, dtype=types(d.real).vec3, device=d.device)
-            self.table.motion = wp.zeros(len(moments), dtype=wp.mat44d, device=d.device)
-        M = np.array([self.bones.motion.at(time + t) for t in moments])
-        self.table.motion.assign(M)
-        self.skin.settle(time + moments, d.samplings[self.kind].A)
+    def settle(self, sampling: DrivenSampling) -> None:
+        if self.made is not sampling:
+            self.made = sampling
+            self.list = self.launches(sampling, sampling.motions)
 
     def launch(self) -> None:
-        d = self.dressed
-        self.skin.launch(d.samplings[self.kind].A, self.x)
-        wp.launch(d.hang, (len(self.x), self.count), [self.table, self.x], [d.pins.target[self.kind]], device=d.device)
+        for kernel, dim, inputs, outputs in self.list:
+            wp.launch(kernel, dim, inputs, outputs, device=self.dressed.device)
+        wp.launch(self.dressed.hang, (len(self.x), self.count), [self.table, self.x], [self.dressed.pins.target[self.kind]],
+                  device=self.dressed.device)
 
 
 class Dressed:
-    """The stage of a frame that moves what follows driven skeletons, with the interface that `Skin` asks of `Bones`."""
+    """The stage of a frame that moves what follows driven skeletons, and whose tables it keeps."""
 
     def __init__(self, bones, skeletons: list[Skeleton], bodies):
         """bones: `wsim.physics.animation.method.Bones`; bodies: the method of rigid bodies."""
@@ -108,28 +98,29 @@ class Dressed:
         self.device, self.real = self.model.device, self.model.real
         self.tables = Tables(skeletons, self.device, self.real)
         self.meshes: list[DrivenSkin] = []
-        self.hung: list[Hung] = []
+        self.hung: list[DrivenHung] = []
         self.pins: Any = None
-        self.samplings: dict[str, Sampling] = {}
-        module = f"wsim_driven_{types(self.real).name}"
-        self.drive, self.hang = kernels.drive(self.real, module), kernels.hang(self.real, module)
+        self.samplings: dict[str, DrivenSampling] = {}
+        self.module = module = f"wsim_driven_{types(self.real).name}"
+        self.drive, self.hang = kernels.drive(self.real, module), kernels.hang(self.real, self.real, module)
+        linear_sample(module)
         kernel_cache.load(module, self.device)
         row = {body.path: k for k, (body, _) in enumerate(bodies.bodies)}
         self.own = [(d, s.joints.index(name), row[path]) for d, s in enumerate(skeletons) for name, path in s.bodies.items()]
         d, j, k = (np.array(column, np.int32) for column in zip(*self.own, strict=True))
         depth = np.concatenate([_depths(s) for s in skeletons])
         joint = self.tables.start[d] + j
-        self.levels = [self._array(np.flatnonzero(depth[joint] == level).astype(np.int32), int)
+        self.levels = [self.array(np.flatnonzero(depth[joint] == level).astype(np.int32), int)
                        for level in range(int(depth.max()) + 1)]
-        self.columns = {"joint": self._array(joint, int), "skeleton": self._array(d, int), "body": self._array(k, int),
-                        "origin": self._array(bodies.origin[k], wp.vec3d)}
+        self.columns = {"joint": self.array(joint, int), "skeleton": self.array(d, int), "body": self.array(k, int),
+                        "origin": self.array(bodies.origin[k], wp.vec3d)}
         Where, part = kernels.bodies(self.real), bodies.part.arrays
         self.start = filled(Where, **{name: wp.clone(part[name]) for name in FIELDS})
         self.end = filled(Where, **{name: part[name] for name in FIELDS})
         self.axes: Any = None
         self.bind()
 
-    def _array(self, values, dtype) -> wp.array:
+    def array(self, values, dtype) -> wp.array:
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
 
     def bind(self) -> None:
@@ -146,7 +137,10 @@ class Dressed:
             Y[:3, 3] = X[:3, :3] @ mass.center + X[:3, 3]
             W = skinning.worlds(bones.parents, skinning.locals_(bones, np.zeros(1)))[0, j]
             found.append(np.linalg.inv(Y) @ placed(bones, 0.0) @ W)
-        self.columns["bound"] = self._array(found, wp.mat44d)
+        if "bound" in self.columns:
+            self.columns["bound"].assign(np.array(found))
+        else:
+            self.columns["bound"] = self.array(found, wp.mat44d)
 
     def hold(self, pins) -> None:
         """Takes the pins that follow these skeletons."""
@@ -155,7 +149,8 @@ class Dressed:
             first = 0
             for p in group:
                 if p.pin.follows is not None and p.pin.follows.skin.skeleton in self.skeletons:
-                    self.hung.append(Hung(self, p, kind, first))
+                    self.hung.append(DrivenHung(self, p, kind, first))
+                    pins.driven.append(p)
                 first += len(p.places)
 
     def stage(self) -> Stage:
@@ -172,19 +167,19 @@ class Dressed:
         wanted = {"mesh": np.arange(clock.substeps + 1) * clock.h} if self.meshes else {}
         wanted |= {hung.kind: clock.moments(hung.kind == "hard") for hung in self.hung}
         for kind, moments in wanted.items():
-            if kind not in self.samplings or len(self.samplings[kind].moments) != len(moments):
-                self.samplings[kind] = Sampling(self, moments)
+            if kind not in self.samplings or not np.array_equal(self.samplings[kind].moments, moments):
+                self.samplings[kind] = DrivenSampling(self, moments)
             self.samplings[kind].begin(time)
         for skin in self.meshes:
-            skin.settle(time + wanted["mesh"], self.samplings["mesh"].A)
+            skin.settle(self.samplings["mesh"])
         for hung in self.hung:
-            hung.begin(time, wanted[hung.kind])
+            hung.settle(self.samplings[hung.kind])
 
     def launch(self, clock: Clock) -> None:
         for sampling in self.samplings.values():
             sampling.launch()
         for skin in self.meshes:
-            skin.track(self.samplings["mesh"].A)
+            skin.track()
         for hung in self.hung:
             hung.launch()
 

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import warp as wp
 
+from wsim.model.launches import LaunchList
 from wsim.model.stage import Clock, Method, Methods
 from wsim.physics.animation.objects import Skeleton, Skinned
 from wsim.physics.animation.skin import DrivenSkin, Skin
-from wsim.physics.animation.tables import Tables
+from wsim.physics.animation.tables import Sampling, Tables
 from wsim.scene import Problem, SceneError
 from wsim.scene.methods import followers
 from wsim.scene.samples import Sample
@@ -48,8 +48,8 @@ class Bones(Method):
         self.model, self.skeletons = model, list(skeletons)
         self.tables = Tables(self.skeletons, model.device, model.real)
         self.skins: list[Skin] = []
+        self.samplings: dict[tuple, tuple] = {}          # of the substeps of a frame, and their launches
         self.at: tuple | None = None
-        self.A: Any = None
         self.driven = [bones for bones in skeletons if bones.bodies]
         self.followed = list(dressed)
         self.dressed: Any = None                         # `wsim.physics.animation.dressed.Dressed`
@@ -67,7 +67,8 @@ class Bones(Method):
         for mesh in contacts.meshes.values() if contacts else ():
             if isinstance(mesh.surface.poses, Skinned):
                 driven = any(mesh.surface.poses.skeleton is bones for bones in self.followed)
-                skin = (DrivenSkin if driven else Skin)(self.dressed if driven else self, mesh.surface.poses, mesh)
+                of = self.dressed if driven else self
+                skin = (DrivenSkin if driven else Skin)(of.tables, mesh.surface.poses, mesh, of)
                 (self.dressed.meshes if driven else self.skins).append(skin)
                 mesh.device["skin"] = skin
         if self.dressed:
@@ -95,19 +96,20 @@ class Bones(Method):
         """Puts a skeleton in the place of another one with the same joints and keys, from the next frame on."""
         self.skeletons[[bones is old for bones in self.skeletons].index(True)] = new
         self.tables.keys()
+        self.samplings.clear()
         self.at = None
         for skin in self.skins:
             if skin.skin.skeleton is old:
                 skin.give(new)
 
-    def transforms(self, times: np.ndarray) -> wp.array:
-        """A of all joints at some times [s], (times, joints), in the precision of the run. Once a frame, for all meshes."""
-        key = tuple(times)
-        if key != self.at:
-            world = self.tables.evaluate(times)
-            real = self.model.real
-            if self.A is None or self.A.shape != world.shape:
-                self.A = wp.zeros(world.shape, dtype=wp.types.matrix((3, 4), real), device=self.model.device)
-            wp.launch(self.tables.bones, world.shape, [self.tables.joints, world], [self.A], device=self.model.device)
-            self.at = key
-        return self.A
+    def sampled(self, time: float, dt: float, substeps: int) -> Sampling:
+        """Joints at the substeps of the frame of dt [s] that starts at `time` [s]. Once a frame, for all meshes."""
+        if (key := (dt, substeps)) not in self.samplings:
+            sampling = Sampling(self.tables, dt * np.arange(substeps + 1) / substeps)
+            self.samplings[key] = sampling, LaunchList(self.model.device, sampling.launches())
+        sampling, sequence = self.samplings[key]
+        if (time, key) != self.at:
+            sampling.begin(time)
+            sequence.launch()
+            self.at = time, key
+        return sampling

@@ -1,7 +1,10 @@
-"""Targets of pins that a GPU evaluates: in frames of many substeps, those of pins whose prims move by linear keys. The host
-evaluates the others (`wsim.physics.motion.pins`), from which these differ in the last bits of float64."""
+"""Targets of pins that the device evaluates, for all moments of a frame before it begins: of pins whose prims move by keys, and
+of those that follow a skinned mesh; how fast these pins go; and velocities of what goes by smooth curves. Motions of other
+kinds are evaluated on the host (`wsim.physics.motion.pins`)."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -9,44 +12,91 @@ import warp as wp
 from wsim.kernels.animation import pinned
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
-from wsim.physics.contact.poses import LONG, Linear
-from wsim.scene import Motion
+from wsim.model.launches import LaunchList
+from wsim.physics.contact.poses.sampled import Sampled
 
 
 class Targets:
     """Keys and points of the pins of a group, and what is made of them."""
 
     def __init__(self, device, real):
-        module = f"wsim_pins_{types(real).name}"
-        self.device, self.keys, self.place = device, Linear(device, module), pinned.place(real, module)
-        self.points = pinned.Pinned()
+        self.device, self.real, self.module = device, real, f"wsim_pins_{types(real).name}"
+        self.place, self.pull = pinned.place(real, self.module), pinned.pull(self.module)
+        self.keyed = Sampled(device, self.module)
+        self.followers: Any = None                       # `wsim.physics.animation.hung.Followers`
+        self.sequence: Any = None
+        kernel_cache.load(self.module, device)
+
+    def take(self, group: list, own: list[bool], moments: np.ndarray, dt: float, target: wp.array,
+             speed: wp.array | None = None) -> None:
+        """Uploads those of the pins of a group that are `own`, whose targets are wanted at moments [s] of a frame of dt [s].
+        speed: their greatest ones go there, by the number in the group."""
+        first = np.cumsum([0, *(len(p.places) for p in group)]).tolist()
+        mine = [(k, group[k]) for k in np.flatnonzero(own).tolist()]
+        self.speed = speed
+        moments = np.concatenate([moments, [0.0, 0.5 * dt, dt]])
+        keyed = [row for row in mine if not hasattr(row[1].motion, "follow")]
+        hung = [row for row in mine if hasattr(row[1].motion, "follow")]
+        self.with_keys, self.followers = bool(keyed), None
+        launches = self._keyed(keyed, first, moments, dt, target) if keyed else []
+        if hung:
+            from wsim.physics.animation.hung import Followers
+            self.followers = Followers([(p, first[k], k) for k, p in hung], moments, self.device)
+            launches += self.followers.launches(dt, target, speed)
+        self.sequence = LaunchList(self.device, launches)
+
+    def _keyed(self, mine: list, first: list[int], moments: np.ndarray, dt: float, target: wp.array) -> list[tuple]:
+        """Launches of pins whose prims move by keys."""
+        c, each = points_of(self.device, [(p, first[k]) for k, p in mine]), [len(p.places) for _, p in mine]
+        self.keyed.take([p.motion for _, p in mine], moments)
+        c.motion = wp.array(np.repeat(self.keyed.row, each), dtype=int, device=self.device)
+        c.pin = wp.array(np.repeat(np.array([k for k, _ in mine], np.int32), each), dtype=int, device=self.device)
+        of, n = self.keyed, sum(each)
+        pull = [(self.pull, n, [c, of.A, of.p, dt], [self.speed])] * (self.speed is not None)
+        return [*of.launches(), (self.place, (target.shape[0], n), [c, of.A, of.p], [target]), *pull]
+
+    def launch(self, time: float) -> None:
+        """Targets and greatest speeds of the frame that starts at a time [s]."""
+        if self.with_keys:
+            self.keyed.begin(time)
+        if self.followers:
+            self.followers.begin(time)
+        self.sequence.launch()
+
+
+class Rates:
+    """Velocities of the points of pins where frames end."""
+
+    def __init__(self, pins: list, dt: float, out: wp.array, real):
+        from wsim.physics.contact.poses.tracks import Tracks
+        self.motions, device = [p.motion for p in pins], out.device
+        module = f"wsim_pin_speeds_{types(real).name}"
+        place = pinned.speeds(real, module)
         kernel_cache.load(module, device)
+        tracks, n, each = Tracks(device), len(pins), [len(p.places) for p in pins]
+        tracks.take(self.motions)
+        first = np.cumsum([0, *each]).tolist()
+        c = points_of(device, list(zip(pins, first, strict=False)))
+        c.motion = wp.array(np.repeat(np.arange(n, dtype=np.int32), each), dtype=int, device=device)
+        self.start, moment = wp.zeros(1, dtype=wp.float64, device=device), wp.full(1, dt, dtype=wp.float64, device=device)
+        A, p = wp.zeros(n, dtype=wp.mat33d, device=device), wp.zeros(n, dtype=wp.vec3d, device=device)
+        self.sequence = LaunchList(device, [(tracks.rates(), n, [*tracks.tables(), self.start, moment], [A, p]),
+                                          (place, sum(each), [c, A, p], [out])])
 
-    def take(self, group: list, own: list[bool], rows: int) -> None:
-        """Uploads those of the pins of a group that are `own`, for so many rows of targets."""
-        first = np.cumsum([0, *(len(p.places) for p in group)])
-        mine = [(k, p) for k, p in enumerate(group) if own[k]]
-        each = [len(p.places) for _, p in mine]
-
-        def array(values, dtype) -> wp.array:
-            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
-        c = self.points
-        c.column = array(np.concatenate([np.arange(first[k], first[k + 1]) for k, _ in mine]).astype(np.int32), int)
-        c.motion = array(np.repeat(np.arange(len(mine)), each).astype(np.int32), int)
-        c.local = array(np.concatenate([p.locals for _, p in mine]), wp.vec3d)
-        c.origin = array(np.repeat([p.body.origin for _, p in mine], each, axis=0), wp.vec3d)
-        self.keys.take([p.motion for _, p in mine])
-        self.A = wp.zeros((len(mine), rows + 1), dtype=wp.mat33d, device=self.device)
-        self.p = wp.zeros((len(mine), rows + 1), dtype=wp.vec3d, device=self.device)
-
-    def launch(self, time: float, dt: float, target: wp.array) -> None:
-        """Targets of the frame of dt [s] that starts at a time [s]."""
-        self.keys.launch(self.A, self.p, time, dt)
-        wp.launch(self.place, (self.A.shape[1] - 1, len(self.points.column)), [self.points, self.A, self.p], [target],
-                  device=self.device)
+    def launch(self, time: float) -> None:
+        """Of the frame that starts at a time [s]."""
+        self.start.fill_(time)
+        self.sequence.launch()
 
 
-def evaluated(group: list, at: np.ndarray, dt: float) -> list[bool]:
-    """Which pins of a group a GPU evaluates, where targets are wanted at these times of a frame of dt [s]."""
-    even = len(at) >= LONG and bool(np.allclose(at, dt * np.arange(1, len(at) + 1) / len(at), rtol=0.0, atol=1e-9 * dt))
-    return [even and type(p.motion) is Motion and p.motion.plain and p.motion.moves for p in group]
+def points_of(device, pins: list[tuple]) -> Any:
+    """Points of pins, each with the column of its first: a `wsim.kernels.animation.pinned.Pinned` without motions."""
+    c = pinned.Pinned()
+    each = [len(p.places) for p, _ in pins]
+
+    def array(values, dtype) -> wp.array:
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+    c.column = array(np.concatenate([first + np.arange(len(p.places)) for p, first in pins]).astype(np.int32), int)
+    c.local = array(np.concatenate([p.locals for p, _ in pins]), wp.vec3d)
+    c.origin = array(np.repeat([p.body.origin for p, _ in pins], each, axis=0), wp.vec3d)
+    return c

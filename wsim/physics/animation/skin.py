@@ -9,8 +9,11 @@ import warp as wp
 from wsim.kernels.animation import skin as kernels
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
+from wsim.model.launches import LaunchList
 from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import LINEAR, Skinned
+from wsim.physics.animation.tables import Sampling, Tables
+from wsim.physics.contact.poses.extents import Extents, same
 
 RIGID = 1e-6           # how far axes of a transform may be from orthonormal that counts as rigid
 
@@ -25,47 +28,14 @@ def rigid(skin: Skinned) -> bool:
     return bool(np.abs(scales - 1.0).max() < RIGID and straight)
 
 
-class Shapes:
-    """Blend shapes of a mesh: offsets by point, weights by time."""
-
-    def __init__(self, skin: Skinned, real, module, device):
-        self.skin, self.device, self.real, self.dtype = skin, device, real, np.float32 if real is wp.float32 else np.float64
-        self.kernel, t = kernels.shapes(real, module), types(real)
-        self.out: Any = None
-        owner, part, offset, count = [], [], [], 0
-        for shape in skin.blends:
-            for k in range(len(shape.knots)):
-                owner.append(shape.points)
-                part.append(np.full(len(shape.points), count + k))
-                offset.append(shape.offsets[k] @ skin.geom[:3, :3].T)
-            count += len(shape.knots)
-        points = np.concatenate(owner)
-        order = np.argsort(points, kind="stable")
-        first = np.searchsorted(points[order], np.arange(len(skin.points) + 1))
-        self.first, self.part = (wp.array(v.astype(np.int32), dtype=int, device=device)
-                                 for v in (first, np.concatenate(part)[order]))
-        self.offset = wp.array(np.concatenate(offset)[order].astype(self.dtype), dtype=t.vec3, device=device)
-
-    def over(self, point: wp.array, times: np.ndarray) -> wp.array:
-        """Bound points with their offsets, (times, n)."""
-        weights = np.concatenate([skinning.part_weights(s, skinning.shape_weights(self.skin, s, times))
-                                  for s in self.skin.blends], axis=1)
-        weight = wp.array(weights.astype(self.dtype), dtype=self.real, device=self.device)
-        if self.out is None or len(self.out) != len(times):
-            self.out = wp.empty((len(times), point.shape[1]), dtype=point.dtype, device=self.device)
-        wp.launch(self.kernel, self.out.shape, [point, self.first, self.part, self.offset, weight], [self.out],
-                  device=self.device)
-        return self.out
-
-
 class Skin:
-    """Device tables of one mesh. `upload` and `widen` are what `wsim.physics.contact` calls for a mesh of its kind."""
+    """Device tables of one mesh. `frame` is what `wsim.physics.contact` calls for a mesh of its kind."""
 
-    def __init__(self, bones, skin: Skinned, mesh=None, out=wp.float32):
-        """bones: `wsim.physics.animation.method.Bones`; out: precision of the points that it writes."""
-        self.bones, self.skin, self.mesh, self.out = bones, skin, mesh, out
-        model = bones.model
-        real, device, m = model.real, model.device, skin.joints.shape[1]
+    def __init__(self, tables: Tables, skin: Skinned, mesh=None, bones=None, out=wp.float32):
+        """bones: `wsim.physics.animation.method.Bones` of a mesh that contacts search; out: precision of the points that it
+        writes."""
+        self.tables, self.skin, self.mesh, self.bones = tables, skin, mesh, bones
+        real, device, m = tables.real, tables.device, skin.joints.shape[1]
         self.real, self.device = real, device
         self.linear, self.rigid = skin.method == LINEAR, rigid(skin)
         own = m if m <= kernels.UNROLLED else 0
@@ -74,7 +44,8 @@ class Skin:
         module = f"wsim_skin_{types(real).name}_{types(out).name}_{form}{'_shapes' * bool(skin.blends)}"
         dtype = np.float32 if real is wp.float32 else np.float64
         self.table = kernels.skins(real)()
-        self.table.first = int(bones.tables.start[[s is skin.skeleton for s in bones.skeletons].index(True)])
+        self.first = int(tables.start[[s is skin.skeleton for s in tables.skeletons].index(True)])
+        self.table.first = self.first
         joints, weights = skin.joints, skin.parts
         if not self.linear:                                            # the largest first
             order = np.argsort(-weights, axis=1, kind="stable")
@@ -87,86 +58,70 @@ class Skin:
         self.kernel: Any = (kernels.linear(real, out, own, stretched, module) if self.linear
                             else kernels.dual(real, out, own, self.rigid, stretched, module))
         self.part = None if self.linear else kernels.parted(real, self.rigid, module)
-        self.shapes = Shapes(skin, real, module, device) if skin.blends else None
-        self.duals: Any = None
-        self.shaped: Any = None
-        self.far: Any = None
-        if mesh is not None:
-            self.extents, self.wider = kernels.extents(module), kernels.widen(real, module)
-            self.center = wp.vec3f(*np.asarray(mesh.center, np.float32).tolist())
+        self.shapes: Any = None
+        if skin.blends:
+            from wsim.physics.animation.shapes import Shapes
+            self.shapes = Shapes(tables, skin, self.first, module)
+        self.extents: Any = Extents(mesh, real, device, module) if mesh is not None else None
+        self.made: tuple = ()                            # what `sequence` and `list` were made for
         kernel_cache.load(module, device)
 
     def give(self, skeleton) -> None:
         """Another skeleton with the same joints, bound as before: its shapes follow the weights of that one."""
-        self.skin = replace(self.skin, skeleton=skeleton)
+        self.skin, self.made = replace(self.skin, skeleton=skeleton), ()
         if self.shapes:
-            self.shapes.skin = self.skin
+            self.shapes.give(self.skin)
 
-    def points(self, times: np.ndarray, out: wp.array) -> None:
-        """Launches the points at some times [s] into `out`, (times, n)."""
-        A = self.bones.transforms(times)
-        self.settle(times, A)
-        self.launch(A, out)
-
-    def settle(self, times: np.ndarray, A: wp.array) -> None:
-        """Inputs that are known before A is: points with their blend shapes, and room, at some times [s]."""
-        self.shaped = self.shapes.over(self.point, times) if self.shapes else self.point
+    def launches(self, sampling: Sampling, out: wp.array) -> list[tuple]:
+        """Launches of the points at the moments of a sampling into `out`, (moments, n): (kernel, dim, inputs, outputs) each."""
+        found, point, given = [], self.point, sampling.A         # type: list[tuple], Any, Any
+        if self.shapes:
+            found += self.shapes.launches(sampling, point)
+            point = self.shapes.out
         if not self.linear:
-            self.duals = self._duals(A)
+            given = self._duals(sampling.A.shape)
+            found.append((self.part, sampling.A.shape, [sampling.A], [given]))
+        return [*found, (self.kernel, out.shape, [self.table, point, given], [out])]
 
-    def launch(self, A: wp.array, out: wp.array) -> None:
-        """Launches the points at the times that are settled into `out`, (times, n); may be captured."""
-        if not self.linear:
-            wp.launch(self.part, A.shape, [A], [self.duals], device=self.device)
-        given = A if self.linear else self.duals
-        wp.launch(self.kernel, out.shape, [self.table, self.shaped, given], [out], device=self.device)
-
-    def _duals(self, A: wp.array):
-        if self.duals is not None and self.duals.turn.shape == A.shape:
-            return self.duals
+    def _duals(self, shape: tuple[int, ...]):
         t, found = types(self.real), kernels.duals(self.real)()
-        found.turn, found.shift = (wp.zeros(A.shape, dtype=t.quat, device=self.device) for _ in range(2))
-        found.stretch = wp.zeros(A.shape, dtype=t.mat33, device=self.device)
+        found.turn, found.shift = (wp.zeros(shape, dtype=t.quat, device=self.device) for _ in range(2))
+        found.stretch = wp.zeros(shape, dtype=t.mat33, device=self.device)
         return found
 
-    def upload(self, times: np.ndarray) -> None:
-        """The mesh's track of a frame."""
-        track = self.mesh.device["track"]
-        self.points(times, track)
-        self.measure(track)
-
-    def measure(self, track: wp.array) -> None:
-        """How far its points are and go in each substep."""
-        k = track.shape[0] - 1
-        if self.far is None or len(self.far) != k:
-            self.far, self.way = (wp.zeros(k, dtype=float, device=self.device) for _ in range(2))
-        self.far.zero_(), self.way.zero_()
-        wp.launch(self.extents, (k, track.shape[1]), [track, self.center], [self.far, self.way], device=self.device)
-
-    def widen(self, table, rows: np.ndarray) -> None:
-        """Bounding balls and strides of its rows in the table of colliders, (rows,)."""
-        self.spread(table, wp.array(np.asarray(rows, np.int32), dtype=int, device=self.device))
-
-    def spread(self, table, row: wp.array) -> None:
-        wp.launch(self.wider, (len(self.far), len(row)), [row, self.far, self.way, self.real(self.mesh.radius), table.ball],
-                  [table.ball, table.stride], device=self.device)
+    def frame(self, time: float, dt: float, table, rows: np.ndarray) -> None:
+        """The mesh's track in the frame of dt [s] that starts at `time` [s], and bounding balls and strides of its rows in the
+        table of colliders."""
+        sampling, track = self.bones.sampled(time, dt, table.ball.shape[0]), self.mesh.device["track"]
+        if not same(self.made, now := (sampling, track, table.ball)):
+            self.made = now
+            self.sequence = LaunchList(self.device, [*self.launches(sampling, track),
+                                                     *self.extents.launches(track, table, rows)])
+        self.extents.clear()
+        self.sequence.launch()
 
 
 class DrivenSkin(Skin):
     """A mesh whose joints bodies drive: its track is launched within the frame, when these have gone."""
 
-    def upload(self, times: np.ndarray) -> None:
-        pass
+    of: Any = None                                       # table of colliders, and its rows there
+    sampling: Any = None
+    rows: Any = None
 
-    def widen(self, table, rows: np.ndarray) -> None:
-        self.ball_of, self.rows = table, wp.array(np.asarray(rows, np.int32), dtype=int, device=self.device)
-        track = self.mesh.device["track"]
-        if self.far is None or len(self.far) != track.shape[0] - 1:                     # a capture takes no memory
-            self.measure(track)
+    def frame(self, time: float, dt: float, table, rows: np.ndarray) -> None:
+        self.of, self.rows = table, rows
+        self.settle(self.sampling)
 
-    def track(self, A: wp.array) -> None:
+    def settle(self, sampling: Sampling | None) -> None:
+        """Makes room, and ready what `track` launches: a capture takes no memory."""
+        self.sampling, track = sampling, self.mesh.device["track"]
+        now = sampling, track, self.of and self.of.ball
+        if sampling is not None and self.of is not None and not same(self.made, now):
+            self.made = now
+            self.list = [*self.launches(sampling, track), *self.extents.launches(track, self.of, self.rows)]
+
+    def track(self) -> None:
         """Launches the track of the frame, bounding balls and strides."""
-        track = self.mesh.device["track"]
-        self.launch(A, track)
-        self.measure(track)
-        self.spread(self.ball_of, self.rows)
+        self.extents.clear()
+        for kernel, dim, inputs, outputs in self.list:
+            wp.launch(kernel, dim, inputs, outputs, device=self.device)

@@ -1,6 +1,4 @@
-"""Tables of joints on a device and their evaluation at some times. Kernels: kernels/animation/skeleton.py."""
-
-from typing import Any
+"""Tables of joints on a device and their evaluation at moments of a frame. Kernels: kernels/animation/skeleton.py."""
 
 import numpy as np
 import warp as wp
@@ -16,7 +14,7 @@ class Tables:
     """Joints of skeletons on a device, and their transforms at some times."""
 
     def __init__(self, skeletons: list[Skeleton], device, real):
-        self.skeletons, self.device = skeletons, device
+        self.skeletons, self.device, self.real = skeletons, device, real
         module = f"wsim_skeleton_{types(real).name}"
         self.local, self.compose, self.bones = kernels.local(module), kernels.compose(module), kernels.bones(real, module)
         counts = [len(s.joints) for s in skeletons]
@@ -28,8 +26,6 @@ class Tables:
                                                    if k < len(own)]), int) for k in range(1, max(map(len, each)))]
         self._constants(counts)
         self.keys()
-        self.times: wp.array | None = None
-        self.world: Any = None
         kernel_cache.load(module, device)
 
     def _array(self, values, dtype) -> wp.array:
@@ -63,14 +59,26 @@ class Tables:
         j.place, j.scale = self._array(np.concatenate(T), wp.vec3d), self._array(np.concatenate(S), wp.vec3d)
         j.turn = self._array(np.concatenate(Q), wp.quatd)
 
-    def evaluate(self, times: np.ndarray) -> wp.array:
-        """W of all joints at some times [s], (times, joints) mat44d in each skeleton's space."""
-        if self.times is None or len(self.times) != len(times):
-            self.times = wp.zeros(len(times), dtype=wp.float64, device=self.device)
-            self.world = wp.zeros((len(times), self.count), dtype=wp.mat44d, device=self.device)
-        self.times.assign(np.asarray(times, np.float64))
-        how = {"device": self.device}
-        wp.launch(self.local, self.world.shape, [self.joints, self.times], [self.world], **how)
-        for level in self.levels:
-            wp.launch(self.compose, (len(times), len(level)), [self.joints, level, self.world], [self.world], **how)
-        return self.world
+
+class Sampling:
+    """Transforms of the joints of some tables at moments of a frame: W and A, (moments, joints)."""
+
+    def __init__(self, tables: Tables, moments: np.ndarray):
+        """moments [s] in a frame, (moments,)."""
+        self.tables, self.moments, device = tables, moments, tables.device
+        shape = len(moments), tables.count
+        self.start = wp.zeros(1, dtype=wp.float64, device=device)
+        self.moment = wp.array(np.ascontiguousarray(moments, np.float64), dtype=wp.float64, device=device)
+        self.world = wp.zeros(shape, dtype=wp.mat44d, device=device)
+        self.A = wp.zeros(shape, dtype=wp.types.matrix((3, 4), tables.real), device=device)
+
+    def begin(self, time: float) -> None:
+        """Sets when the frame begins [s]."""
+        self.start.fill_(time)
+
+    def launches(self) -> list[tuple]:
+        """Launches that evaluate all joints: (kernel, dim, inputs, outputs) each."""
+        t, world = self.tables, self.world
+        return [(t.local, world.shape, [t.joints, self.start, self.moment], [world]),
+                *((t.compose, (len(world), len(level)), [t.joints, level, world], [world]) for level in t.levels),
+                (t.bones, world.shape, [t.joints, world], [self.A])]

@@ -41,7 +41,7 @@ class Mesh:
     center: np.ndarray                   # of the bounding ball [m], (3,)
     radius: float                        # [m]
     depth: float                         # no inside point is further from the surface [m]; 0: no inside
-    device: dict = field(default_factory=dict)           # Warp objects: mesh, track
+    device: dict = field(default_factory=dict)           # Warp objects: mesh, track, skin
     turned: bool = False                 # whether its joints may be set, so that it moves in any case
 
     @staticmethod
@@ -104,16 +104,6 @@ class Mesh:
     @property
     def id(self) -> int:
         return int(self.device["mesh"].id)
-
-    def upload(self, times: np.ndarray) -> np.ndarray:
-        """Shapes at substep times [s] to the device; returns the greatest motion of a point in each substep [m]."""
-        assert self.surface.poses is not None
-        if "skin" in self.device:                        # which tells how far its points go when it has launched them
-            self.device["skin"].upload(times)
-            return np.zeros(len(times) - 1)
-        shapes = np.stack([self.surface.poses.at(t) for t in times]).astype(np.float32)
-        self.device["track"].assign(shapes)
-        return np.linalg.norm(np.diff(shapes, axis=0), axis=-1).max(axis=1).astype(np.float64)
 
     def launch(self, launch: Callable, kernel, refit, k: int) -> None:
         """The shape at the end of substep k, its motion and its tree; capturable. refit: None, or the kernel of a CPU."""

@@ -38,6 +38,11 @@ class _Pinned:
         self.motion: Any = pin.motion if pin.follows is None else Following(pin.follows, ends)
         self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
 
+    @property
+    def evaluated(self) -> bool:
+        """True if it moves and the device evaluates its targets."""
+        return self.motion.moves and getattr(self.motion, "by_keys", False)
+
     def targets(self, time: float) -> np.ndarray:
         """Places of its points at `time` [s], relative to the body's origin [m]."""
         return self.motion.points(self.locals, time) - self.body.origin
@@ -72,6 +77,12 @@ class Following:
     def moves(self) -> bool:
         return self.follow.moves
 
+    @property
+    def by_keys(self) -> bool:
+        """As `Motion.by_keys`."""
+        bones = self.follow.skin.skeleton
+        return not bones.bodies and bones.motion.by_keys
+
     def points(self, local: np.ndarray, time: float) -> np.ndarray:
         """World places [m] at `time` [s]."""
         return self.over(np.array([time]))[0]
@@ -102,7 +113,7 @@ def turns(places: np.ndarray) -> list[np.ndarray]:
 
 class Pins(Method):
     """Stages pose and, where a step of several solves ends, put (hard pins), hold (soft pins). Targets of a whole frame are
-    computed in float64, on the host or a GPU, only when a pin moves or was set."""
+    computed in float64 before it, on the device, only when a pin moves or was set; on the host where a motion is no curve."""
 
     def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
         """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
@@ -114,7 +125,13 @@ class Pins(Method):
         self.place: dict[str, wp.array] = {}
         self.target: dict[str, wp.array] = {}
         self.changed = True
-        self.sampled: dict[str, Any] = {}                   # `wsim.physics.animation.pin_targets.Targets` of a GPU
+        self.sampled: dict[str, Any] = {}                   # `wsim.physics.animation.pin_targets.Targets`
+        self.own: dict[str, list[bool]] = {}                # which pins of a group they have
+        self.at: dict[str, np.ndarray] = {}                 # moments of their targets in a frame [s]
+        self.rates: Any = None                              # `wsim.physics.animation.pin_targets.Rates`
+        self.driven: list[_Pinned] = []                     # which rigid bodies carry within the frame
+        self.pull = wp.zeros(len(self.groups["hard"]), dtype=wp.float64, device=model.device)      # greatest speed of each hard
+        #                                                     pin in the frame [m/s], 0 of those in `unseen`
         t, real, module = types(model.real), model.real, model.module
         for kind, group in self.groups.items():
             if group:
@@ -223,7 +240,7 @@ class Pins(Method):
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = self.moves
         if self.carried:
-            self.speed.assign(np.concatenate([p.speed(time + clock.dt) for p in self.carried]).astype(self.model.dtype))
+            self.hasten(time, clock.dt)
         at = {kind: clock.moments(kind == "hard") for kind in self.target}      # a soft pin pulls at the solved positions
         if self.explicit and not moves and not self.groups["soft"]:
             at = {kind: moments[:1] for kind, moments in at.items()}
@@ -234,15 +251,30 @@ class Pins(Method):
                 self.aim(kind, time, clock.dt, at[kind])
         self.changed = False
 
+    def unseen(self) -> list[_Pinned]:
+        """Hard pins that move and have no speed in `pull`: the host evaluates them."""
+        own = self.own.get("hard", [False] * len(self.groups["hard"]))
+        return [p for p, mine in zip(self.groups["hard"], own, strict=True) if not mine and p.motion.moves]
+
+    def hasten(self, time: float, dt: float) -> None:
+        """Velocities of what goes by smooth curves, where the frame of dt [s] that starts at a time [s] ends."""
+        if not all(getattr(p.motion, "by_keys", False) for p in self.carried):
+            self.speed.assign(np.concatenate([p.speed(time + dt) for p in self.carried]).astype(self.model.dtype))
+            return
+        if self.rates is None or any(p.motion is not m for p, m in zip(self.carried, self.rates.motions, strict=True)):
+            from wsim.physics.animation.pin_targets import Rates
+            self.rates = Rates(self.carried, dt, self.speed, self.model.real)
+        self.rates.launch(time)
+
     def aim(self, kind: str, time: float, dt: float, at: np.ndarray) -> None:
         """Targets of a group in the frame of dt [s] that starts at a time [s]; at: times in it."""
         group, rows = self.groups[kind], self.target[kind].shape[0]
-        own = [False] * len(group)
-        if self.model.device.is_cuda and not self.model.gradients:
-            from wsim.physics.animation.pin_targets import Targets, evaluated
-            own = evaluated(group, at, dt)
-        anew = self.changed or rows != len(at)
-        if anew or any(p.motion.moves and not mine for p, mine in zip(group, own, strict=True)):
+        if anew := self.changed or rows != len(at) or not np.array_equal(self.at.get(kind), at):
+            self.own[kind], self.at[kind] = [p.evaluated for p in group], at
+        own = self.own[kind]
+        if kind == "hard":
+            self.pull.zero_()
+        if anew or any(p.motion.moves and p not in self.driven for p, mine in zip(group, own, strict=True) if not mine):
             values = np.concatenate([np.zeros((len(at), len(p.places), 3)) if mine else p.table(time + at)
                                      for p, mine in zip(group, own, strict=True)], axis=1)
             if rows != len(values):
@@ -252,10 +284,11 @@ class Pins(Method):
                 self.target[kind].assign(values.astype(self.model.dtype))
         if any(own):
             if kind not in self.sampled:
+                from wsim.physics.animation.pin_targets import Targets
                 self.sampled[kind] = Targets(self.model.device, self.model.real)
             if anew:
-                self.sampled[kind].take(group, own, len(at))
-            self.sampled[kind].launch(time, dt, self.target[kind])
+                self.sampled[kind].take(group, own, at, dt, self.target[kind], self.pull if kind == "hard" else None)
+            self.sampled[kind].launch(time)
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """motion of a pin: a Motion or a (4, 4) matrix; it takes effect with the next frame."""

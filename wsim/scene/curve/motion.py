@@ -154,6 +154,11 @@ class Motion(Curve):
         return rate[:, :3, 3], 0.5 * np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], 1)
 
     @property
+    def by_keys(self) -> bool:
+        """True if all of it is keys, or a stack of such: the device evaluates it (kernels/animation)."""
+        return type(self) is Motion or self.kind == "stack"
+
+    @property
     def turns(self) -> Turns:
         """Rotations and stretches over time."""
         if self.made is None:

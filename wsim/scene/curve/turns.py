@@ -46,7 +46,7 @@ class Turns:
         if len(motion.times) == 1:
             return np.repeat(motion.values[:, :3, :3], n, 0), np.zeros((n, 3, 3))
         k, s, periods, way, mode, beyond = motion.path.place(t)
-        inside = motion.times[k] + s * motion.path.pieces.span[k]
+        inside = np.maximum(motion.times[k] + s * motion.path.pieces.span[k], motion.times[0])        # s may be -1e-16
         at_end = (s >= 1.0) & (way > 0.0)
         speed = np.where(at_end, 0.0, self.pace.rate(np.where(at_end, motion.times[0], inside))) * way
         along = np.where(at_end, 1.0, self.pace.sampled(np.where(at_end, motion.times[0], inside)) - k)

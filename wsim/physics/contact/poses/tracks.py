@@ -1,5 +1,7 @@
 """Motions of any kind as tables of the device: channels, parts and turns of kernels/animation/track.py."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -54,7 +56,8 @@ class Tracks:
     """Tables of motions, and the kernel that samples them, which has what these motions use."""
 
     def __init__(self, device):
-        self.device, self.kernel = device, None
+        self.device = device
+        self.sample: Any = None
         self.known: dict[int, tuple[Motion, tuple]] = {}
 
     def take(self, motions: list[Motion]) -> None:
@@ -71,8 +74,9 @@ class Tracks:
         codes = np.unique([*np.unique(np.concatenate([c["code"] for c in channels] or [np.zeros(0, int)])), 0]).tolist()
         whats = tuple(sorted({p["what"] for p in parts}))
         names = tuple(BY_CODE[c] for c in codes if c > BEZIER)
+        self.form = tuple(codes), names, whats
         module = f"wsim_tracks_{'_'.join(map(str, (*codes, 'of', *whats)))}"
-        self.kernel = track.sample(tuple(codes), names, whats, module)
+        self.sample = track.sample(*self.form, module)
         kernel_cache.load(module, self.device)
 
     def _array(self, values, dtype) -> wp.array:
@@ -111,8 +115,17 @@ class Tracks:
             whole = np.concatenate([t[name] for t in turns or [empty]])
             setattr(table, name, self._array(whole, dtype))
 
-    def launch(self, A: wp.array, p: wp.array, time: float, dt: float) -> None:
-        wp.launch(self.kernel, A.shape, [self.parts, self.channels, self.turns, time, dt], [A, p], device=self.device)
+    def tables(self) -> list:
+        return [self.parts, self.channels, self.turns]
+
+    def rates(self) -> Any:
+        """Kernel of how fast they go."""
+        from wsim.kernels.animation import track_rate
+        codes, _, whats = self.form
+        module = f"wsim_track_rates_{'_'.join(map(str, (*codes, 'of', *whats)))}"
+        kernel = track_rate.rates(*self.form, module)
+        kernel_cache.load(module, self.device)
+        return kernel
 
 
 def packed(motion: Motion) -> tuple[list, list, list]:

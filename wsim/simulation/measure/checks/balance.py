@@ -5,7 +5,7 @@ the work of gravity, loads, colliders that move, wind and drives, rise by no mor
 far, and a floor: the work of the weights over FLOOR of the sizes (what contacts push apart, what float32 rounds). Equations:
 kernels/math/ledger.py.
 
-Where something works whose work is not known, the frame is left open: the balance begins anew behind it. `open_reasons` lists
+Where something works whose work is not known, the frame is left open: the balance begins anew behind it. `Reasons` lists
 what that is.
 """
 
@@ -22,7 +22,7 @@ from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.simulation.measure.checks.reasons import Reasons
+from wsim.simulation.measure.checks.reasons import STILL, Reasons
 from wsim.simulation.measure.checks.rise import FIRST, left_open
 from wsim.simulation.measure.checks.terms import Terms
 from wsim.simulation.measure.checks.works import Works
@@ -31,7 +31,7 @@ PART = 0.01            # of the largest kinetic energy so far
 FLOOR = 1e-3           # of the size of an object, over which its weight may work
 CREEP = 1e-4           # of the size of an object a frame: a speed that is none
 APART = "; if shapes overlap where the run starts, move them apart"
-WORD = "energy gained"
+WORD, MOVES = "energy gained", "pin that moves"
 FIELDS = (Field("balance_lowest", "J", True, "least energy so far, with the work done since", "double"),
           Field("balance_most", "J", True, "largest kinetic energy so far", "double"),
           Field("balance_substeps", "", True, "substeps of a frame, where the checks have raised them, else 0", "double"),
@@ -58,11 +58,13 @@ class Balance(Method):
         self.part.rows = {(path, world): np.array([world]) for world in range(n)}
         b.state.add(self.part)
         b.status.reserve(WORD, n)
+        b.status.reserve(MOVES)
         self.ledger = filled(ledger.Ledger, gift=wp.zeros(n, dtype=wp.float64, device=device),
                              floor=wp.array(np.full(n, floor_of(b)), dtype=wp.float64, device=device),
                              peak=wp.zeros(n, dtype=wp.float64, device=device), rise=wp.zeros(n, dtype=wp.vec4d, device=device),
                              **{name.removeprefix("balance_"): self.part.arrays[name] for name in FIELDS_OF})
         self.offers = {"balance": self}
+        self.given = wp.full(n, -1.0, dtype=wp.float64, device=device)       # `gift` by what the host knows
         self.figures: Any = None
         if terms.rigid:
             from wsim.simulation.measure.checks.figures import Figures
@@ -70,12 +72,12 @@ class Balance(Method):
             for kernel in self.figures.kernels:
                 b.model.modules[kernel.module.name] = b.model.block if device.is_cuda else 1
         b.model.modules[ledger.close_frame.module.name] = b.model.block if device.is_cuda else 1
-        self.begun, self.fresh, self.gift, self.mass = True, True, 0.0, mass_of(b)
+        self.begun, self.fresh, self.gift, self.mass = True, True, -1.0, mass_of(b)
         self.surfaces = False                                # collide with themselves
         self.rises, self.why, self.worst = 0, list[str](), (0.0, "")
         self.frames, self.opens = 0, dict[str, int]()       # frames so far, and of those left open by reason
         self.stages += works.stages
-        self.stages.append(Stage("energy balance", "deform", self.check, len(terms.each) + 1, terms.rows.capacity, "frame",
+        self.stages.append(Stage("energy balance", "deform", self.check, len(terms.each) + 2, terms.rows.capacity, "frame",
                                  "what may not rise"))
 
     def meet(self, others) -> None:
@@ -101,8 +103,8 @@ class Balance(Method):
             self.close(begins=True)
         self.why, speed = self.reasons.of_frame(time, clock.dt)
         gift = 2.0 * self.mass * speed**2 if self.why else -1.0
-        if gift != self.gift or self.begun:
-            self.ledger.gift.fill_(gift)
+        if gift != self.gift:
+            self.given.fill_(gift)
         self.gift = gift
 
     def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
@@ -123,6 +125,8 @@ class Balance(Method):
 
     def check(self, clock: Clock) -> None:
         """Launches all checks of a frame."""
+        self.model.launch(ledger.open_frame, self.model.worlds, [self.reasons.speeds, STILL, self.mass, self.given],
+                          [self.ledger.gift, self.status.word(MOVES)])
         self.close()
         if self.figures:
             self.figures.launch(clock)
@@ -151,7 +155,8 @@ class Balance(Method):
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         """The warning of frames that hold though energy rose: of the worst its prim, how much, and what helps."""
         self.frames += 1
-        for why in self.why:
+        moves = int(status.said(MOVES)[0])
+        for why in self.why or [f"{path} moves" for path in self.reasons.paths[moves - 1:moves]]:
             self.opens[why] = self.opens.get(why, 0) + 1
         found = self.figures.notes(status, self.clock.steps, self.at_start) if self.figures else []
         return [*found, *self.gains(status.said(WORD))]

@@ -1,9 +1,11 @@
-"""Reasons why the energy balance of a frame is left open: what works in it, and by how much is not known. Host only."""
+"""Reasons why the energy balance of a frame is left open: what works in it, and by how much is not known. The device knows of
+pins whose targets it evaluates whether they move (kernels/math/ledger.py)."""
 
 from itertools import pairwise
 from math import inf
 
 import numpy as np
+import warp as wp
 
 from wsim.scene.curve import Motion
 
@@ -41,7 +43,9 @@ class Reasons:
         self.always = found
         self.colliders = scene.colliders if points else []
         pins = b.methods.find("pins")
-        self.pins = [p for p in pins.groups["hard"] if p.body.world == 0] if pins else []
+        self.pins = pins
+        self.paths = [p.pin.path for p in pins.groups["hard"]] if pins else []
+        self.speeds = pins.pull if pins else wp.zeros(0, dtype=wp.float64, device=b.model.device)      # see `Pins.pull`
         self.joints = [j for j in scene.things("Joint") if j.enabled]
 
     def set(self, path: str, name: str, value) -> None:
@@ -51,10 +55,10 @@ class Reasons:
 
     def of_frame(self, time: float, dt: float) -> tuple[list[str], float]:
         """Reasons why the frame that starts at `time` [s] is left open, and the speed [m/s] of what moves in it; inf where
-        that is not what works."""
+        that is not what works. Without pins that the device evaluates."""
         if self.always:
             return self.always, inf
-        speeds = {p.pin.path: pulled(p, time, dt) for p in self.pins if p.motion.moves}
+        speeds = {p.pin.path: pulled(p, time, dt) for p in (self.pins.unseen() if self.pins else ())}
         speeds |= {j.path: inf for j in self.joints if moves_within(j.motion, time, dt)}
         known = self.works.colliders
         speeds |= {c.path: pushed(c, time, dt) for c in self.colliders if (not known or c.restitution)}
