@@ -88,6 +88,8 @@ LEAP = (room("physics.motion", "explicit forces threads cluster packets sheets")
 FUSED = (room("physics.fused", "fuser program recorder source") | room("kernels", "fused.body motion.abreast"))
 OUTLINE = {"wsim.physics.contact.poses.outline"}               # of colliders, for frames without contacts
 SHARP = room("physics.cloth", "edge_contacts") | room("kernels.cloth.edge_contact", "sites gather edge corner")
+MOVED = (room("kernels", "animation.motion animation.pinned animation.collider math.rotation math.eigen")    # by keys
+         | {"wsim.physics.animation.pin_targets", "wsim.physics.contact.poses.sampled"})
 WHOLE = room("physics.motion", "one_launch")
 SLIVERS = room("physics.fused", "stiff_few")                   # with whose mass leapfrog is weighed where it is dear
 LISTED = {"wsim.physics.contact.broad", "wsim.kernels.contact.candidates"}      # triangles near enough for some frames
@@ -96,7 +98,8 @@ WEIGHED = room("physics.motion", "frequency")                  # where leapfrog 
 MODULES = {
     "hanging_cloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | WHOLE | PINNED | MANY,
     "flag": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | PINNED,
-    "cape": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY,
+    "cape": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY
+    | MOVED,
     "tablecloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SHARP,
     "shirt": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SLIVERS | LISTED
     | room("kernels", "math.face") | room("geometry", "tetra.lattice"),     # distances of its dummy; what starts inside

@@ -73,9 +73,7 @@ class Following:
         """follow: a `wsim.physics.animation.objects.Follow`; ends: points that each of those between is the middle of."""
         self.follow, self.ends, self.plain = follow, ends, True
 
-    @property
-    def moves(self) -> bool:
-        return self.follow.moves
+    moves = property(lambda self: self.follow.moves)
 
     @property
     def by_keys(self) -> bool:
@@ -130,8 +128,8 @@ class Pins(Method):
         self.at: dict[str, np.ndarray] = {}                 # moments of their targets in a frame [s]
         self.rates: Any = None                              # `wsim.physics.animation.pin_targets.Rates`
         self.driven: list[_Pinned] = []                     # which rigid bodies carry within the frame
-        self.pull = wp.zeros(len(self.groups["hard"]), dtype=wp.float64, device=model.device)      # greatest speed of each hard
-        #                                                     pin in the frame [m/s], 0 of those in `unseen`
+        # greatest speed of each hard pin in the frame [m/s], 0 of those in `unseen`
+        self.pull = wp.zeros(len(self.groups["hard"]), dtype=wp.float64, device=model.device)
         t, real, module = types(model.real), model.real, model.module
         for kind, group in self.groups.items():
             if group:
@@ -269,7 +267,7 @@ class Pins(Method):
     def aim(self, kind: str, time: float, dt: float, at: np.ndarray) -> None:
         """Targets of a group in the frame of dt [s] that starts at a time [s]; at: times in it."""
         group, rows = self.groups[kind], self.target[kind].shape[0]
-        if anew := self.changed or rows != len(at) or not np.array_equal(self.at.get(kind), at):
+        if anew := self.changed or rows != len(at) or not np.array_equal(self.at.get(kind, np.zeros(0)), at):
             self.own[kind], self.at[kind] = [p.evaluated for p in group], at
         own = self.own[kind]
         if kind == "hard":

@@ -14,8 +14,6 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.model.launches import LaunchList
 from wsim.physics.contact.colliders import Rows
-from wsim.physics.contact.poses.extents import Keyed
-from wsim.physics.contact.poses.sampled import Sampled
 
 HOST_MOST = 0          # moving colliders that the host evaluates: tests compare both
 
@@ -62,6 +60,7 @@ class Poses:
             self.device_rows.launch(time)
         for mesh, own in self.forming:
             if "skin" not in mesh.device:
+                from wsim.physics.contact.poses.extents import Keyed
                 mesh.device["skin"] = Keyed(mesh, self.real, self.device)
             mesh.device["skin"].frame(time, dt, self.table, own)
 
@@ -95,6 +94,7 @@ class DeviceRows:
     def __init__(self, table, device, real):
         from wsim.kernels.animation import collider
         from wsim.model import kernel_cache
+        from wsim.physics.contact.poses.sampled import Sampled
         module = f"wsim_poses_{types(real).name}"
         self.table, self.device, self.sampled = table, device, Sampled(device, module)
         self.movers, self.place = collider.Movers(), collider.place(real, module)
