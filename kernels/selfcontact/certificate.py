@@ -119,11 +119,8 @@ def inspect(real, module):
     apart, meet = beginning(real), meeting(real)
     weights, least, normal = closest.weights(real), closest.gap(real), closest.normal(real)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def inspect_pairs(s: Surfaces, at: State, ends: int, near: Pairs, words: wp.array(dtype=int)):
-        i = wp.tid()
-        if i >= wp.min(near.count[0], near.capacity):
-            return
+    @wp.func
+    def look(s: Surfaces, at: State, ends: int, i: int, near: Pairs, words: wp.array(dtype=int)):
         ids = near.ids[i]
         kind = near.kind[i]
         o = ids[0]
@@ -166,6 +163,15 @@ def inspect(real, module):
             near.bad[i] = wp.where(rigid, 2, 1)
             wp.atomic_add(words, wp.where(rigid, pairs.CLOSER, pairs.BAD), 1)
 
+    @wp.kernel(module=module, enable_backward=False)
+    def inspect_pairs(s: Surfaces, at: State, ends: int, threads: int, near_at: wp.array(dtype=Pairs),
+                      words: wp.array(dtype=int)):
+        near = near_at[0]
+        i = wp.tid()
+        while i < wp.min(near.count[0], near.capacity):
+            look(s, at, ends, i, near, words)
+            i += threads
+
     return inspect_pairs
 
 
@@ -193,17 +199,19 @@ def share(real, module):
     lack = goal(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def share_rows(s: Surfaces, at: State, near: Pairs, to: Sums):
+    def share_rows(s: Surfaces, at: State, threads: int, near_at: wp.array(dtype=Pairs), to: Sums):
+        near = near_at[0]
         i = wp.tid()
-        if i >= wp.min(near.count[0], near.capacity) or near.bad[i] != 1:
-            return
-        ids = near.ids[i]
-        split = 1 + near.kind[i]
-        for k in range(split):
-            for j in range(split, 4):
-                if lack(s, at, near, i, ids[k], ids[j]) < real(0.0):
-                    wp.atomic_add(to.share, ids[k], pairs.SHARES)
-                    wp.atomic_add(to.share, ids[j], pairs.SHARES)
+        while i < wp.min(near.count[0], near.capacity):
+            if near.bad[i] == 1:
+                ids = near.ids[i]
+                split = 1 + near.kind[i]
+                for k in range(split):
+                    for j in range(split, 4):
+                        if lack(s, at, near, i, ids[k], ids[j]) < real(0.0):
+                            wp.atomic_add(to.share, ids[k], pairs.SHARES)
+                            wp.atomic_add(to.share, ids[j], pairs.SHARES)
+            i += threads
 
     return share_rows
 
@@ -214,11 +222,8 @@ def project(real, module):
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
     lack, fixed = goal(real), pairs.fixed(real)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def project_rows(s: Surfaces, at: State, near: Pairs, to: Sums):
-        i = wp.tid()
-        if i >= wp.min(near.count[0], near.capacity) or near.bad[i] != 1:
-            return
+    @wp.func
+    def push_apart(s: Surfaces, at: State, near: Pairs, i: int, to: Sums):
         ids = near.ids[i]
         split = 1 + near.kind[i]
         for k in range(split):
@@ -231,6 +236,15 @@ def project(real, module):
                     push = (-real(pairs.OVER) * C / W) * near.n[i]
                     fixed(to, a, s.w[a] * push)
                     fixed(to, b, -s.w[b] * push)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def project_rows(s: Surfaces, at: State, threads: int, near_at: wp.array(dtype=Pairs), to: Sums):
+        near = near_at[0]
+        i = wp.tid()
+        while i < wp.min(near.count[0], near.capacity):
+            if near.bad[i] == 1:
+                push_apart(s, at, near, i, to)
+            i += threads
 
     return project_rows
 

@@ -51,12 +51,15 @@ def claim(real, module):
     Pairs, Sums = pairs.lists(real), pairs.sums(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def claim_points(words: wp.array(dtype=int), near: Pairs, to: Sums):
+    def claim_points(words: wp.array(dtype=int), threads: int, near_at: wp.array(dtype=Pairs), to: Sums):
+        near = near_at[0]
         i = wp.tid()
-        if i < wp.min(near.count[0], near.capacity) and near.bad[i] == 1:
-            ids = near.ids[i]
-            for k in range(4):
-                to.cut[ids[k]] = words[pairs.EPOCH]
+        while i < wp.min(near.count[0], near.capacity):
+            if near.bad[i] == 1:
+                ids = near.ids[i]
+                for k in range(4):
+                    to.cut[ids[k]] = words[pairs.EPOCH]
+            i += threads
 
     return claim_points
 
@@ -67,11 +70,8 @@ def shorten(real, module):
     Surfaces, Pairs, State, Sums, Frames = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real), frames(real)
     carry, spare = carried(real), ends(real)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def shorten_motion(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int), near: Pairs, to: Sums):
-        i = wp.tid()
-        if i >= wp.min(near.count[0], near.capacity) or near.bad[i] == 2:
-            return
+    @wp.func
+    def shorten_pair(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int), near: Pairs, i: int, to: Sums):
         n = near.n[i]
         ids = near.ids[i]
         room = real(KEPT) * wp.max(near.gap[i] - near.least[i] - spare(s, at, ids), real(0.0))
@@ -84,6 +84,16 @@ def shorten(real, module):
                     nearer = -nearer
                 if nearer > room:
                     wp.atomic_min(to.factor, q, room / nearer)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def shorten_motion(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int), threads: int,
+                       near_at: wp.array(dtype=Pairs), to: Sums):
+        near = near_at[0]
+        i = wp.tid()
+        while i < wp.min(near.count[0], near.capacity):
+            if near.bad[i] != 2:
+                shorten_pair(s, at, f, words, near, i, to)
+            i += threads
 
     return shorten_motion
 

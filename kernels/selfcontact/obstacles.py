@@ -86,19 +86,22 @@ def pinched(real, module):
     Surfaces, Pairs = pairs.surfaces(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def count_pinched(s: Surfaces, near: Pairs, first: int, words: wp.array(dtype=int), said: wp.array(dtype=int)):
+    def count_pinched(s: Surfaces, first: int, threads: int, near_at: wp.array(dtype=Pairs), words: wp.array(dtype=int),
+                      said: wp.array(dtype=int)):
+        near = near_at[0]
         i = wp.tid()
         if i == 0:
             words[pairs.PINCH] = 0
-        if i < wp.min(near.count[0], near.capacity) and near.bad[i] == 1:
+        while i < wp.min(near.count[0], near.capacity):
             ids = near.ids[i]
             free = wp.min(ids[0], ids[3])
             theirs = wp.max(ids[0], ids[3])
-            if theirs >= first:
+            if near.bad[i] == 1 and theirs >= first:
                 wp.atomic_add(said, cut.PINCHED, 1)
                 wp.atomic_max(said, cut.LATTER, -s.body[theirs])
                 wp.atomic_max(said, cut.FORMER, cut.MOST + 1 + s.body[theirs])
                 wp.atomic_max(said, cut.WHERE, free + 1)
+            i += threads
 
     return count_pinched
 

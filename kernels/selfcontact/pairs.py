@@ -64,7 +64,8 @@ def surfaces(real):
 
 @cache
 def lists(real):
-    """Struct of near pairs, (capacity,)."""
+    """Struct of near pairs, (capacity,). Kernels read it from an array of one on the device: where a list has grown, it has
+    other arrays there, and graphs that hold launches of the kernels stay as they are."""
     t = types(real)
 
     @wp.struct
@@ -88,6 +89,11 @@ def lists(real):
         active: wp.array(dtype=int)               # rows that take part in sweeps, (1,)
         on: wp.array(dtype=int)                   # them
         bad: wp.array(dtype=int)                  # 1: not certified; 2: it was closer than s already, and is let be
+        # of row j where Newton steps solve for them (kernels/selfcontact/newton/law.py), else empty:
+        stiff: wp.array(dtype=t.scalar)           # stiffness over rate [kg]; 0: the row is not solved for
+        force: wp.array(dtype=t.vec3)             # P+ [m kg]
+        last: wp.array(dtype=t.scalar)            # C where the step before began [m]
+        rho: wp.array(dtype=t.scalar)             # part of the stiffness across the normal; < 0: the row does not push
 
     return NearPairs
 

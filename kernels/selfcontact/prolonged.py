@@ -48,7 +48,6 @@ def slips(real):
         turn: wp.array(dtype=t.vec3)              # moment of P [m^2 kg]
         Q: wp.array(dtype=t.vec3)                 # [kg m/s]
         sticks: wp.array(dtype=int)
-        solved: wp.array(dtype=t.vec3)            # what Newton steps have pushed with [m kg]; empty: they have not
 
     return Slips
 
@@ -117,8 +116,11 @@ def gather(real, module):
         return M
 
     @wp.kernel(module=module, enable_backward=False)
-    def gather_pushes(s: Surfaces, at: State, near: Pairs, ahead: wp.array(dtype=t.vec3), h: real, threads: int, to: Aims,
-                      slip: Slips):
+    def gather_pushes(s: Surfaces, at: State, near_at: wp.array(dtype=Pairs), ahead: wp.array(dtype=t.vec3), h: real,
+                      threads: int, to_at: wp.array(dtype=Aims), slip_at: wp.array(dtype=Slips)):
+        near = near_at[0]
+        to = to_at[0]
+        slip = slip_at[0]
         j = wp.tid()
         if j == 0:
             to.count[0] = near.rows[0]
@@ -128,8 +130,8 @@ def gather(real, module):
             b = near.b[i]
             push = near.push[i]
             within = t.vec3()
-            if slip.solved.shape[0] > 0:
-                within = slip.solved[j]
+            if near.force.shape[0] > 0:
+                within = near.force[j]
             behind = push - within
             lam = wp.dot(push, near.n[i])
             to.ids[j] = ids
@@ -175,7 +177,10 @@ def aim(real, module):
     fixed, share, (_, ends) = pairs.fixed(real), share_of(real), arms_of(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def aim_pushes(s: Surfaces, at: State, h: real, threads: int, aim: Aims, slip: Slips, to: Sums):
+    def aim_pushes(s: Surfaces, at: State, h: real, threads: int, aim_at: wp.array(dtype=Aims),
+                   slip_at: wp.array(dtype=Slips), to: Sums):
+        aim = aim_at[0]
+        slip = slip_at[0]
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
@@ -202,7 +207,8 @@ def spread(real, module):
     Aims, Sums = aims(real), pairs.sums(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def spread_pushes(aim: Aims, threads: int, to: Sums):
+    def spread_pushes(aim_at: wp.array(dtype=Aims), threads: int, to: Sums):
+        aim = aim_at[0]
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
@@ -234,7 +240,10 @@ def strike(real, module):
         return T + (q - wp.dot(T, n)) * n
 
     @wp.kernel(module=module, enable_backward=False)
-    def strike_pushes(s: Surfaces, at: State, h: real, aim: Aims, slip: Slips, threads: int, to: Sums):
+    def strike_pushes(s: Surfaces, at: State, h: real, aim_at: wp.array(dtype=Aims), slip_at: wp.array(dtype=Slips),
+                      threads: int, to: Sums):
+        aim = aim_at[0]
+        slip = slip_at[0]
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):

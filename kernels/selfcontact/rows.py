@@ -77,7 +77,8 @@ def lean(real, module):
                 share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
                 wp.atomic_add(to.share, ids[k], wp.max(share, 1))         # couples move all four
     @wp.kernel(module=module, enable_backward=False)
-    def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near: Pairs, to: Sums):
+    def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near_at: wp.array(dtype=Pairs), to: Sums):
+        near = near_at[0]
         j = wp.tid()
         while j < near.rows[0]:
             ask(at, climb, calm, all, j, near, to)
@@ -189,8 +190,9 @@ def press(real, module, turns=False):
         return W * wp.length(then - push) - wp.min(real(SMALL) * pushed[3], real(CALM / RECOVERY) * climb)
 
     @wp.kernel(module=module, enable_backward=False)
-    def press_pairs(s: Surfaces, at: State, climb: real, more: int, threads: int, near: Pairs, words: wp.array(dtype=int),
-                    to: Sums):
+    def press_pairs(s: Surfaces, at: State, climb: real, more: int, threads: int, near_at: wp.array(dtype=Pairs),
+                    words: wp.array(dtype=int), to: Sums):
+        near = near_at[0]
         turn = bool(turns) and more < 0 and words[pairs.NARROW] > 0
         if turn and more == SPARED:
             return
@@ -213,7 +215,9 @@ def nearer(real, module):
     Pairs, State = pairs.lists(real), states(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def nearer_pairs(at: State, climb: real, first: int, threads: int, near: Pairs, words: wp.array(dtype=int)):
+    def nearer_pairs(at: State, climb: real, first: int, threads: int, near_at: wp.array(dtype=Pairs),
+                     words: wp.array(dtype=int)):
+        near = near_at[0]
         j = wp.tid()
         if j == 0 and first > 0:
             words[pairs.MORE] = 0

@@ -117,7 +117,8 @@ def meet(real, module, levels=False):
 
     @wp.kernel(module=module, enable_backward=False)
     def boxes_meet(s: Surfaces, f: Frames, kind: int, order: wp.array(dtype=int), into: tree.Tree, own: int, widest: float,
-                   out: pairs.Candidates):
+                   out_at: wp.array(dtype=pairs.Candidates)):
+        out = out_at[0]
         j = wp.tid()
         i = order[j]
         if i < 0:
@@ -165,7 +166,10 @@ def sift(real, module):
     append = listing(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def sift_candidates(s: Surfaces, f: Frames, found: pairs.Candidates, threads: int, near: Pairs):
+    def sift_candidates(s: Surfaces, f: Frames, found_at: wp.array(dtype=pairs.Candidates), threads: int,
+                        near_at: wp.array(dtype=Pairs)):
+        found = found_at[0]
+        near = near_at[0]
         j = wp.tid()
         while j < wp.min(found.count[0], found.capacity):
             i = found.pair[j][0]
@@ -197,7 +201,10 @@ def listed(real, module):
     Frames, Pairs = frames(real), pairs.lists(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def list_made(found: pairs.Candidates, begins: int, points: int, near: Pairs, f: Frames, words: wp.array(dtype=int)):
+    def list_made(found_at: wp.array(dtype=pairs.Candidates), begins: int, points: int, near_at: wp.array(dtype=Pairs),
+                  f: Frames, words: wp.array(dtype=int)):
+        found = found_at[0]
+        near = near_at[0]
         if begins > 0:
             f.frame[1] = wp.transform_identity(dtype=real)
         wanted = near.count[0]

@@ -60,7 +60,9 @@ def gather(real, module):
     Pairs, Aims = pairs.lists(real), aims(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def gather_aims(near: Pairs, back: real, threads: int, to: Aims):
+    def gather_aims(near_at: wp.array(dtype=Pairs), back: real, threads: int, to_at: wp.array(dtype=Aims)):
+        near = near_at[0]
+        to = to_at[0]
         j = wp.tid()
         if j == 0:
             to.count[0] = near.rows[0]
@@ -96,7 +98,8 @@ def spread(real, module):
     Aims, Sums = aims(real), pairs.sums(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def spread_aims(aim: Aims, threads: int, to: Sums):
+    def spread_aims(aim_at: wp.array(dtype=Aims), threads: int, to: Sums):
+        aim = aim_at[0]
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
@@ -117,7 +120,8 @@ def give(real, module):
     fixed, (arms, lever, _) = pairs.fixed(real), couple(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def give_aims(s: Surfaces, at: State, aim: Aims, scale: real, threads: int, to: Sums):
+    def give_aims(s: Surfaces, at: State, aim_at: wp.array(dtype=Aims), scale: real, threads: int, to: Sums):
+        aim = aim_at[0]
         j = wp.tid()
         while j < aim.count[0]:
             if aim.most[j] > real(0.0):
@@ -145,7 +149,8 @@ def aim(real, module):
     State, Aims = states(real), aims(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def aim_motion(at: State, h: real, threads: int, to: Aims):
+    def aim_motion(at: State, h: real, threads: int, to_at: wp.array(dtype=Aims)):
+        to = to_at[0]
         j = wp.tid()
         while j < to.count[0]:
             ids = to.ids[j]
@@ -181,8 +186,9 @@ def strike(real, module):
         return ahead
 
     @wp.kernel(module=module, enable_backward=False)
-    def strike_pairs(w: wp.array(dtype=real), v: wp.array(dtype=t.vec3), aim: Aims, more: int, words: wp.array(dtype=int),
-                     threads: int, to: Sums):
+    def strike_pairs(w: wp.array(dtype=real), v: wp.array(dtype=t.vec3), aim_at: wp.array(dtype=Aims), more: int,
+                     words: wp.array(dtype=int), threads: int, to: Sums):
+        aim = aim_at[0]
         lead = lead_of(more, words)
         j = wp.tid()
         while j < aim.count[0]:
@@ -214,7 +220,9 @@ def lacking(real, module):
     Aims = aims(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lacking_pairs(v: wp.array(dtype=t.vec3), aim: Aims, h: real, first: int, threads: int, words: wp.array(dtype=int)):
+    def lacking_pairs(v: wp.array(dtype=t.vec3), aim_at: wp.array(dtype=Aims), h: real, first: int, threads: int,
+                      words: wp.array(dtype=int)):
+        aim = aim_at[0]
         j = wp.tid()
         if j == 0 and first > 0:
             words[pairs.MORE] = 0

@@ -154,6 +154,7 @@ class Remedy:
     row: int = 0
     why: str = ""
     steps: int = 0
+    keeps: bool = False          # graphs stay valid: kernels read what has grown by `wsim.model.structs.Placed`
 
 
 @dataclass(frozen=True)

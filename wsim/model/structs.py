@@ -11,6 +11,22 @@ def filled(Struct: Any, **values: Any) -> Any:
     return found
 
 
+class Placed:
+    """A struct that kernels read from an array of one on the device, `at`. What its arrays hold may grow: others take their
+    place there (`put`), and graphs that hold launches of the kernels stay valid."""
+
+    def __init__(self, Struct: Any, device: Any):
+        import warp as wp
+        self.struct, self.at = Struct(), wp.zeros(1, dtype=Struct, device=device)
+
+    def put(self, **values: Any) -> None:
+        """Gives fields other values; not captured."""
+        import warp as wp
+        for name, value in values.items():
+            setattr(self.struct, name, value)
+        self.at.assign(wp.array([self.struct], dtype=self.at.dtype, device="cpu"))
+
+
 def values(struct: Any) -> dict[str, Any]:
     """Fields of a struct by name."""
     return {name: getattr(struct, name) for name in struct._cls.vars}

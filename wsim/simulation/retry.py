@@ -107,10 +107,10 @@ def _forget(sim: Simulation, changes: list[str]) -> None:
 
 
 def _grow(sim: Simulation, said: list[Remedy], kind: str) -> list[str]:
-    """Makes room for what had none; what was lacking, in words."""
-    grown = [text for remedy in said if remedy.kind == kind and remedy.act and (text := remedy.act())]
-    sim.repeats += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text in grown]
-    return grown
+    """Makes room for what had none; what graphs do not know of it, in words."""
+    grown = [(text, remedy.keeps) for remedy in said if remedy.kind == kind and remedy.act and (text := remedy.act())]
+    sim.repeats += [f"frame {sim.frame + 1}: {text}; the frame was repeated" for text, _ in grown]
+    return [text for text, keeps in grown if not keeps]
 
 
 def not_finite(sim: Simulation) -> set[int]:

@@ -61,7 +61,8 @@ def lists(module: str):
         return a < b
 
     @wp.kernel(module=module, enable_backward=False)
-    def enlist(near: NearPairs, to: Pressed):
+    def enlist(near_at: wp.array(dtype=NearPairs), to: Pressed):
+        near = near_at[0]
         i = wp.tid()
         if i < wp.min(near.count[0], near.capacity):
             to.kept[i] = wp.float64(-1.0)
@@ -74,8 +75,9 @@ def lists(module: str):
                     to.of[p, slot] = 4 * i + c
 
     @wp.kernel(module=module, enable_backward=False)
-    def order(point: wp.array(dtype=int), near: NearPairs, word: int, to: Pressed, said: wp.array(dtype=int),
+    def order(point: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), word: int, to: Pressed, said: wp.array(dtype=int),
               words: wp.array(dtype=int)):
+        near = near_at[0]
         p = point[wp.tid()]
         if to.many[p] > to.of.shape[1]:
             wp.atomic_max(said, word, to.many[p])
@@ -89,7 +91,8 @@ def lists(module: str):
             to.of[p, j] = own
 
     @wp.kernel(module=module, enable_backward=False)
-    def drop(point: wp.array(dtype=int), near: NearPairs, to: Pressed, words: wp.array(dtype=int)):
+    def drop(point: wp.array(dtype=int), near_at: wp.array(dtype=NearPairs), to: Pressed, words: wp.array(dtype=int)):
+        near = near_at[0]
         if words[pairs.LACKED] > 0:
             to.many[point[wp.tid()]] = 0
             near.count[0] = 0
@@ -97,7 +100,8 @@ def lists(module: str):
             words[pairs.SOON] = 0
 
     @wp.kernel(module=module, enable_backward=False)
-    def recall(near: NearPairs, old: Pressed, ids: wp.array(dtype=wp.vec4i), to: Pressed):
+    def recall(near_at: wp.array(dtype=NearPairs), old: Pressed, ids: wp.array(dtype=wp.vec4i), to: Pressed):
+        near = near_at[0]
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
             return
@@ -116,7 +120,9 @@ def lists(module: str):
 def ready(module: str):
     """Kernel where a substep begins: what pairs keep, and how hard they are. first: 1 in the first frame."""
     @wp.kernel(module=module, enable_backward=False)
-    def ready_pairs(near: NearPairs, side: Sides, climb: wp.float64, hh: wp.float64, first: wp.array(dtype=int), to: Pressed):
+    def ready_pairs(near_at: wp.array(dtype=NearPairs), side: Sides, climb: wp.float64, hh: wp.float64,
+                    first: wp.array(dtype=int), to: Pressed):
+        near = near_at[0]
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
             return
@@ -141,7 +147,9 @@ def ready(module: str):
 def press(module: str):
     """Kernel: forces and stiffnesses of pairs; active[0] 1 where a pair presses."""
     @wp.kernel(module=module, enable_backward=False)
-    def press_edges(s: Surfaces, near: NearPairs, side: Sides, way: Way, to: Pressed, active: wp.array(dtype=int)):
+    def press_edges(s: Surfaces, near_at: wp.array(dtype=NearPairs), side: Sides, way: Way, to: Pressed,
+                    active: wp.array(dtype=int)):
+        near = near_at[0]
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
             return
@@ -189,8 +197,9 @@ def press(module: str):
 def gather(module: str):
     """Kernel: what pairs add up at points. next: from a point to the one behind it in flat arrays."""
     @wp.kernel(module=module, enable_backward=False)
-    def gather_pairs(s: Surfaces, near: NearPairs, P: Pressed, next: int, f_out: wp.array(dtype=wp.vec3d),
+    def gather_pairs(s: Surfaces, near_at: wp.array(dtype=NearPairs), P: Pressed, next: int, f_out: wp.array(dtype=wp.vec3d),
                      K_out: wp.array(dtype=wp.mat33d), along_out: wp.array(dtype=wp.mat33d)):
+        near = near_at[0]
         p = s.point[wp.tid()]
         f = wp.vec3d()
         K = wp.mat33d()
@@ -217,7 +226,8 @@ def gather(module: str):
 def across(module: str):
     """Kernel: K by what each edge of a pair moves, of motions p (blocks of 4) of points."""
     @wp.kernel(module=module, enable_backward=False)
-    def cross_pairs(s: Surfaces, near: NearPairs, p: wp.array(dtype=wp.vec4d), to: Pressed):
+    def cross_pairs(s: Surfaces, near_at: wp.array(dtype=NearPairs), p: wp.array(dtype=wp.vec4d), to: Pressed):
+        near = near_at[0]
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
             return
@@ -243,7 +253,8 @@ def across(module: str):
 def keep(module: str):
     """Kernel where a substep ends: what pairs remember of it."""
     @wp.kernel(module=module, enable_backward=False)
-    def keep_pairs(near: NearPairs, to: Pressed):
+    def keep_pairs(near_at: wp.array(dtype=NearPairs), to: Pressed):
+        near = near_at[0]
         i = wp.tid()
         if i < wp.min(near.count[0], near.capacity):
             to.stick[i] = to.s[i]

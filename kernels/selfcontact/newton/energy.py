@@ -20,10 +20,12 @@ def multiply(real, module):
     points = wp.types.matrix((4, 3), real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def multiply_rows(s: Surfaces, at: State, near: Pairs, threads: int, z: wp.array(dtype=t.vec3), law: Laws):
+    def multiply_rows(s: Surfaces, at: State, near_at: wp.array(dtype=Pairs), threads: int, z: wp.array(dtype=t.vec3),
+                      law: Laws):
+        near = near_at[0]
         j = wp.tid()
         while j < near.rows[0]:
-            rho = law.rho[j]
+            rho = near.rho[j]
             if rho >= real(0.0):
                 ids = near.four[j]
                 b = near.swept[4 * j + pairs.B]
@@ -40,12 +42,12 @@ def multiply(real, module):
                 if friction(s, ids, b)[0] > real(0.0):
                     across = u - C * n
                     if rho < real(1.0):
-                        T = law.push[j] - wp.dot(law.push[j], n) * n
+                        T = near.force[j] - wp.dot(near.force[j], n) * n
                         size = wp.dot(T, T)
                         if size > real(0.0):
                             across -= (wp.dot(across, T) / size) * T
                     q += rho * across
-                q = (law.rate * law.k[j]) * q
+                q = (law.rate * near.stiff[j]) * q
                 for k in range(4):
                     if ids[k] < law.points:
                         add(law, ids[k], share(r, D, K, b, q, k))
@@ -71,13 +73,14 @@ def change(real, module):
         return e + wp.where(x <= c, x * x, c * (double(2.0) * x - c))
 
     @wp.kernel(module=module, enable_backward=False)
-    def change_rows(s: Surfaces, at: State, near: Pairs, begin: int, end: int, threads: int, y: wp.array(dtype=t.vec3),
-                    law: Laws):
+    def change_rows(s: Surfaces, at: State, near_at: wp.array(dtype=Pairs), begin: int, end: int, threads: int,
+                    y: wp.array(dtype=t.vec3), law: Laws):
+        near = near_at[0]
         j = wp.tid()
         while j < near.rows[0]:
             ids = near.four[j]
             unit = law.unit[s.world[ids[0]]]
-            if law.k[j] > real(0.0) and unit > double(0.0):
+            if near.stiff[j] > real(0.0) and unit > double(0.0):
                 b = near.swept[4 * j + pairs.B]
                 there = near.swept[4 * j + pairs.NORMAL]
                 pushed = near.swept[4 * j + pairs.PUSH]
@@ -87,12 +90,12 @@ def change(real, module):
                 for k in range(4):
                     if ids[k] < law.points:
                         d[k] = law.ahead * y[ids[k]]
-                stiff = double(law.k[j])
+                stiff = double(near.stiff[j])
                 P = wp.vec3d(t.vec3(pushed[0], pushed[1], pushed[2])) - stiff * wp.vec3d(lacking(s, at, near, law, j, r, D, K))
                 way = stiff * wp.vec3d(beside(r, D, K, b, d))
-                kept = law.push[j]
+                kept = near.force[j]
                 c = double(wp.length(kept - wp.dot(kept, t.vec3(n)) * t.vec3(n)))
-                if friction(s, ids, b)[0] > real(0.0) and law.rho[j] == real(1.0):
+                if friction(s, ids, b)[0] > real(0.0) and near.rho[j] == real(1.0):
                     c = wp.max(c, double(friction(s, ids, b)[0] * wp.dot(kept, t.vec3(n))))
                 before = energy(n, P, c)
                 size = double(law.rate / (law.ahead * law.ahead)) / (double(2.0) * stiff * unit)

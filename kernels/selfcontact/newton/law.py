@@ -60,10 +60,6 @@ def laws(real):
         climb: t.scalar                           # [m] that a row which begins too near goes apart by
         rate: t.scalar                            # 1 / g^2 [1/s^2]
         ahead: t.scalar                           # 1; 2 by the implicit midpoint
-        k: wp.array(dtype=t.scalar)               # stiffness over rate [kg]; 0: the row is not solved for
-        push: wp.array(dtype=t.vec3)              # P+ [m kg]
-        last: wp.array(dtype=t.scalar)            # C where the step before began [m]
-        rho: wp.array(dtype=t.scalar)             # part of the stiffness across the normal; < 0: the row does not push
         sum: wp.array(dtype=wp.int64)             # forces, (3 points,)
         block: wp.array(dtype=wp.int64)           # diagonal blocks, (6 points,)
         scale: wp.array(dtype=t.scalar)           # inverse trace of a diagonal block [m/N]

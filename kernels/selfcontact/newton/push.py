@@ -32,7 +32,8 @@ def stiffen(real, module):
     t, Surfaces, Pairs, Laws, Matrix = types(real), pairs.surfaces(real), pairs.lists(real), laws(real), structs(real).Matrix
 
     @wp.kernel(module=module, enable_backward=False)
-    def stiffen_rows(s: Surfaces, near: Pairs, A: Matrix, threads: int, law: Laws):
+    def stiffen_rows(s: Surfaces, near_at: wp.array(dtype=Pairs), A: Matrix, threads: int, law: Laws):
+        near = near_at[0]
         j = wp.tid()
         while j < near.rows[0]:
             ids = near.four[j]
@@ -45,11 +46,11 @@ def stiffen(real, module):
                     soft += b[k] * b[k] * wp.dot(n, A.P[ids[k]] * n)
                 elif s.body[ids[k]] >= 0:
                     soft = real(-1.0e30)
-            law.k[j] = real(0.0)
-            law.rho[j] = real(-1.0)
-            law.push[j] = t.vec3()
+            near.stiff[j] = real(0.0)
+            near.rho[j] = real(-1.0)
+            near.force[j] = t.vec3()
             if soft > real(0.0):
-                law.k[j] = real(STIFF) / (soft * law.rate)
+                near.stiff[j] = real(STIFF) / (soft * law.rate)
             j += threads
 
     return stiffen_rows
@@ -68,29 +69,31 @@ def renew(real, module):
     (friction, levers, _, _, lacking), allowed = rows_of(real), coulomb(real)
 
     @wp.func
-    def blocks(s: Surfaces, law: Laws, j: int, ids: wp.vec4i, b: t.vec4, H: t.mat33):
+    def blocks(s: Surfaces, near: Pairs, law: Laws, j: int, ids: wp.vec4i, b: t.vec4, H: t.mat33):
         for k in range(4):
             i = ids[k]
             if i < law.points:
-                part = real(BLOCK) * law.k[j] * b[k] * b[k] * s.w[i]
+                part = real(BLOCK) * near.stiff[j] * b[k] * b[k] * s.w[i]
                 for a in range(3):
                     wp.atomic_add(law.block, 6 * i + a, wp.int64(part * H[a, a]))
                     wp.atomic_add(law.block, 6 * i + 3 + a, wp.int64(part * H[a, (a + 1) % 3]))
 
     @wp.func
-    def check(law: Laws, j: int, C: real, lam: real, keep: real, words: wp.array(dtype=int)):
-        wrong = wp.max(lam - law.k[j] * C, real(0.0)) - lam
-        if wp.abs(wrong) > real(DEPTH) * law.k[j] * keep:
+    def check(near: Pairs, j: int, C: real, lam: real, keep: real, words: wp.array(dtype=int)):
+        wrong = wp.max(lam - near.stiff[j] * C, real(0.0)) - lam
+        if wp.abs(wrong) > real(DEPTH) * near.stiff[j] * keep:
             wp.atomic_max(words, WRONG, 1)
-        if wp.abs(C - law.last[j]) > real(LITTLE) * keep and wp.min(C, law.last[j]) < keep:
+        if wp.abs(C - near.last[j]) > real(LITTLE) * keep and wp.min(C, near.last[j]) < keep:
             wp.atomic_max(words, MOVING, 1)
 
     @wp.kernel(module=module, enable_backward=False)
-    def renew_rows(s: Surfaces, at: State, near: Pairs, act: int, threads: int, law: Laws, words: wp.array(dtype=int)):
+    def renew_rows(s: Surfaces, at: State, near_at: wp.array(dtype=Pairs), act: int, threads: int, law: Laws,
+                   words: wp.array(dtype=int)):
+        near = near_at[0]
         renews = act == STORE or (act == RENEW and words[MOVING] == 0)
         j = wp.tid()
         while j < near.rows[0]:
-            if law.k[j] > real(0.0):
+            if near.stiff[j] > real(0.0):
                 ids = near.four[j]
                 b = near.swept[4 * j + pairs.B]
                 there = near.swept[4 * j + pairs.NORMAL]
@@ -101,21 +104,21 @@ def renew(real, module):
                 r, D, K = levers(s, at, ids, b)
                 u = lacking(s, at, near, law, j, r, D, K)
                 if act == CHECK:
-                    check(law, j, wp.dot(u, n), wp.dot(P, n), pushed[3], words)
+                    check(near, j, wp.dot(u, n), wp.dot(P, n), pushed[3], words)
                 else:
-                    then, rho = allowed(n, P - law.k[j] * u, mu)
+                    then, rho = allowed(n, P - near.stiff[j] * u, mu)
                     if renews:
                         near.swept[4 * j + pairs.PUSH] = t.vec4(then[0], then[1], then[2], pushed[3])
                         near.push[near.row[j]] = then
                         if act == RENEW:
-                            then, rho = allowed(n, then - law.k[j] * u, mu)
-                    law.push[j] = then
-                    law.rho[j] = rho
-                    law.last[j] = wp.dot(u, n)
+                            then, rho = allowed(n, then - near.stiff[j] * u, mu)
+                    near.force[j] = then
+                    near.rho[j] = rho
+                    near.last[j] = wp.dot(u, n)
                     if act <= RENEW and rho >= real(0.0):
                         across = wp.where(mu[0] > real(0.0), rho, real(0.0))
                         H = across * wp.identity(n=3, dtype=real) + (real(1.0) - across) * wp.outer(n, n)
-                        blocks(s, law, j, ids, b, H)
+                        blocks(s, near, law, j, ids, b, H)
             j += threads
 
     return renew_rows
@@ -153,14 +156,15 @@ def give(real, module):
     (_, levers, _, share, _), add = rows_of(real), summed(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def give_rows(s: Surfaces, at: State, near: Pairs, threads: int, law: Laws):
+    def give_rows(s: Surfaces, at: State, near_at: wp.array(dtype=Pairs), threads: int, law: Laws):
+        near = near_at[0]
         j = wp.tid()
         while j < near.rows[0]:
-            if law.rho[j] >= real(0.0):
+            if near.rho[j] >= real(0.0):
                 ids = near.four[j]
                 b = near.swept[4 * j + pairs.B]
                 r, D, K = levers(s, at, ids, b)
-                P = (law.rate / law.ahead) * law.push[j]
+                P = (law.rate / law.ahead) * near.force[j]
                 for k in range(4):
                     if ids[k] < law.points:
                         add(law, ids[k], share(r, D, K, b, P, k))

@@ -87,12 +87,35 @@ def test_a_list_without_room_is_made_again_though_one_for_a_proof_follows(monkey
     for each in (100, 1):
         monkeypatch.setattr(near, "EACH", each)
         sim = run(crumple(3, 30, 16.0))
-        room = sim.plan.method("selfcontact").near.pairs.capacity
+        room = sim.plan.method("selfcontact").near.capacity
         sim.step()
         places.append(sim.positions())
-        assert (sim.plan.method("selfcontact").near.pairs.capacity > room) == (each == 1)
+        assert (sim.plan.method("selfcontact").near.capacity > room) == (each == 1)
     assert said(sim)["searches"] > 15.0 and np.array_equal(*places)
     assert lists[0] == 1 and sum("there was room for" in w for w in sim.repeats) == 1      # an estimate beside it has its own
+
+
+@pytest.mark.parametrize("solver", first_and_slow(solvers("xpbd", "newton bdf2")))
+def test_lists_that_grow_leave_their_graph_valid(solver):
+    """A frame is repeated by the graph that was captured for a shorter list, and ends to the bit where it would with room from
+    the start. It begins with a new list, as repeated frames do."""
+    places = []
+    for short in (False, True):
+        sim = run(crumple(3, 24, 8.0, **solver))
+        own = sim.plan.method("selfcontact")
+        sim.run(2)
+        if short:
+            own.near.room(1024)
+            own.room()
+        else:
+            own.near.anew()
+        sim.graphs.forget("the test has changed the list")
+        captured = len(sim.graphs.log)
+        sim.step()
+        places.append(sim.positions())
+        assert (own.near.capacity > 1024) and len(sim.graphs.log) == captured + 1
+        assert short == any("was room for 1024" in w for w in sim.repeats)
+    assert np.array_equal(*places)
 
 
 def test_a_first_list_finds_room_before_its_frame_is_recorded(monkeypatch):
@@ -100,11 +123,11 @@ def test_a_first_list_finds_room_before_its_frame_is_recorded(monkeypatch):
     for each in (100, 1):
         monkeypatch.setattr(near, "EACH", each)
         sim = run(layers(4, 20, 2.5e-3, velocity=(0.0, 1.0, 0.0)))
-        room = sim.plan.method("selfcontact").near.pairs.capacity
+        room = sim.plan.method("selfcontact").near.capacity
         sim.step()
         places.append(sim.positions("/layer1"))
         assert not [w for w in sim.repeats if "there was room for" in w]
-        assert (sim.plan.method("selfcontact").near.pairs.capacity > room) == (each == 1)
+        assert (sim.plan.method("selfcontact").near.capacity > room) == (each == 1)
     assert np.array_equal(*places)
 
 

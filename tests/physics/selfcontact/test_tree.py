@@ -29,9 +29,9 @@ def meeting(near, a: np.ndarray, b: np.ndarray) -> set[tuple[int, int]]:
 
 def candidates(near) -> tuple[list, list]:
     """(point, triangle) and (edge, edge) that were found."""
-    count = int(near.found.count.numpy()[0])
-    assert count <= near.found.capacity
-    pair = near.found.pair.numpy()[:count]
+    count = int(near.found_at.struct.count.numpy()[0])
+    assert count <= near.found_at.struct.capacity
+    pair = near.found_at.struct.pair.numpy()[:count]
     edges = pair[pair[:, 1] < 0]
     return ([tuple(p) for p in pair[pair[:, 1] >= 0].tolist()],
             [tuple(sorted((i, -1 - k))) for i, k in edges.tolist()])

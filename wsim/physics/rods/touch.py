@@ -164,8 +164,8 @@ class Touching(Together):
         wp.capture_if(self.near.word(pairs.NEAR), self.held)
 
     def cross(self) -> None:
-        near = self.near.pairs
-        self.ground.launch(self.across, near.capacity, [self.edges.data, near, self.group.p.reshape(-1)], [self.pressed])
+        p, near = self.group.p.reshape(-1), self.near
+        self.ground.launch(self.across, near.capacity, [self.edges.data, near.table, p], [self.pressed])
 
     @property
     def said(self) -> wp.array:
@@ -180,15 +180,15 @@ class Touching(Together):
         for name in ("press", "stiff", "along"):
             getattr(self.strands.trial, name).zero_()
         self.index()
-        launch(self.recall, near.pairs.capacity, [near.pairs, old, self.old_ids], [P])
+        launch(self.recall, near.pairs.capacity, [near.table, old, self.old_ids], [P])
 
     def index(self) -> None:
         """The pairs of every point, of a list in which none remembers anything yet."""
         near, P, launch, point = self.near, self.pressed, self.ground.launch, self.edges.data.point
         P.many.zero_()
-        launch(self.enlist, near.pairs.capacity, [near.pairs], [P])
-        launch(self.order, len(point), [point, near.pairs, FULL], [P, self.said, near.words])
-        launch(self.drop, len(point), [point], [near.pairs, P, near.words])
+        launch(self.enlist, near.pairs.capacity, [near.table], [P])
+        launch(self.order, len(point), [point, near.table, FULL], [P, self.said, near.words])
+        launch(self.drop, len(point), [point], [near.table, P, near.words])
 
     def again(self) -> None:
         """A list along the path that was solved for, and where its pairs are."""
@@ -198,27 +198,27 @@ class Touching(Together):
     def listed(self) -> None:
         """Pairs where the substep begins."""
         self.guarantee.begin(self.at)
-        near = self.near.pairs
-        self.ground.launch(self.ready, near.capacity, [near, self.sides, rows.RECOVERY * self.h, self.h * self.h,
+        near, climb = self.near, rows.RECOVERY * self.h
+        self.ground.launch(self.ready, near.capacity, [near.table, self.sides, climb, self.h * self.h,
                                                        self.word(coupled.FIRST)], [self.pressed])
 
     def forces(self) -> None:
         """Forces of pairs."""
-        near = self.near.pairs
-        self.ground.launch(self.press, near.capacity, [self.edges.data, near, self.sides, self.way],
+        near = self.near
+        self.ground.launch(self.press, near.capacity, [self.edges.data, near.table, self.sides, self.way],
                            [self.pressed, self.word(coupled.ACTIVE)])
 
     def gathered(self) -> None:
         T = self.strands.trial
         self.forces()
-        self.ground.launch(self.gather, len(self.edges.points), [self.edges.data, self.near.pairs, self.pressed,
+        self.ground.launch(self.gather, len(self.edges.points), [self.edges.data, self.near.table, self.pressed,
                                                                  self.table.strands],
                            [T.press.reshape(-1), T.stiff.reshape(-1), T.along.reshape(-1)])
 
     def held(self) -> None:
         """Pairs where the substep ends."""
         self.forces()
-        self.ground.launch(self.keep, self.near.pairs.capacity, [self.near.pairs], [self.pressed])
+        self.ground.launch(self.keep, self.near.pairs.capacity, [self.near.table], [self.pressed])
 
     # around a frame
 

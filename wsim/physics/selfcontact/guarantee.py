@@ -36,8 +36,8 @@ class Guarantee:
             self.pinch = Pinch(model, near, self.surfaces.obstacles)
 
     def each(self, kernel, inputs: list, outputs: list) -> None:
-        """Launches a kernel over all pairs that there is room for."""
-        self.model.launch(kernel, self.near.pairs.capacity, inputs, outputs)
+        """Launches a kernel over all pairs."""
+        self.model.launch(kernel, self.near.threads, [*inputs, self.near.threads, self.near.table], outputs)
 
     def keep(self, at, d: wp.array, again, said: wp.array) -> None:
         """Makes the end of a substep one that is proven. again: launches what a new list needs; said: words of the frame."""
@@ -72,11 +72,11 @@ class Guarantee:
         if not solved:
             self.near.pairs.rows.zero_()
         ends = -int(solved) - 2 * int(self.whole)
-        self.each(self.inspect, [self.surfaces.data, at, ends], [self.near.pairs, self.near.words])
+        self.each(self.inspect, [self.surfaces.data, at, ends], [self.near.words])
 
     def certify(self, at, ends: int = 1) -> None:
         """Looks for a proof of every pair. ends: 2 behind cuts, where no collider takes part."""
-        self.each(self.inspect, [self.surfaces.data, at, ends], [self.near.pairs, self.near.words])
+        self.each(self.inspect, [self.surfaces.data, at, ends], [self.near.words])
 
     def prove(self, at) -> None:
         self.certify(at)
@@ -86,8 +86,8 @@ class Guarantee:
         """One projection of what is not certified; behind the last of a list those that led points out of their tubes have a
         new one."""
         near, data, points = self.near, self.surfaces.data, self.surfaces
-        self.each(self.share, [data, at, near.pairs], [near.sums])
-        self.each(self.project, [data, at, near.pairs], [near.sums])
+        self.each(self.share, [data, at], [near.sums])
+        self.each(self.project, [data, at], [near.sums])
         self.model.launch(self.add, len(points.points), [data.point, d, 1], [near.sums, d])
         self.certify(at)
         near.look(at)
@@ -97,12 +97,12 @@ class Guarantee:
     def shrink(self, at, d: wp.array, again, said: wp.array) -> None:
         """One round of cuts. What is cut falls behind its tube, which leads ahead: then there is a list of where it is."""
         near, data = self.near, self.surfaces.data
-        self.each(self.claim, [near.words, near.pairs], [near.sums])
+        self.each(self.claim, [near.words], [near.sums])
         frames = near.frames
         if self.pinch:
             self.pinch.lead(at)
             frames = self.pinch.frames
-        self.each(self.shorten, [data, at, frames, near.words, near.pairs], [near.sums])
+        self.each(self.shorten, [data, at, frames, near.words], [near.sums])
         self.model.launch(self.cut, self.surfaces.free["points"], [data, at, frames, near.words, near.sums], [d, said])
         near.look(at)
         wp.capture_if(near.word(pairs.OUT), lambda: self.anew(at, again))

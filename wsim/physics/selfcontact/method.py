@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 SAID = "self-contact"  # status words, see kernels/selfcontact/cut.py
 SWEEPS, BEHIND, LAST = 3, 24, 24 # of contact rows: in an iteration of XPBD, behind another solver, behind XPBD's last
 LONGER = 16                      # blocks of more sweeps (kernels/selfcontact/rows.py), at most, while pairs would end too near
-THREADS = 1 << 18                # of a sweep on a GPU, at most: each takes more pairs, where there are more
 ROUNDS, MORE = 16, 3             # projections of what is not certified, at most; times as many in a frame that lost too much
 ANEW = 4                         # sweeps of XPBD over the same pairs; behind another solver each looks: what rests is calm
 
@@ -170,10 +169,10 @@ class SelfContact(Method):
     def look(self, clock: Clock, first: int) -> None:
         """Launches the test whether sweeps go on."""
         near = self.near
-        threads = min(near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
         self.borrow()
         near.word(pairs.NEARER).zero_()
-        self.model.launch(self.nearer, threads, [self.at(), rows.RECOVERY * clock.h, first, threads, near.pairs], [near.words])
+        inputs = [self.at(), rows.RECOVERY * clock.h, first, near.threads, near.table]
+        self.model.launch(self.nearer, near.threads, inputs, [near.words])
         self.go_on()
 
     def go_on(self) -> None:
@@ -189,16 +188,16 @@ class SelfContact(Method):
         on."""
         near, data, at, climb, calm = self.near, self.surfaces.data, self.at(), rows.RECOVERY * clock.h, rows.CALM * clock.h
         self.borrow()
-        threads = min(near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
+        threads, listed = near.threads, near.table
         anew = 1 if leads or not self.within else ANEW
         for k in range(count):
             last = int(k == count - 1)
             if k % anew == 0 or last:
                 near.pairs.active.zero_()
-                self.model.launch(self.lean, threads, [at, climb, calm, last, threads, near.pairs], [near.sums])
+                self.model.launch(self.lean, threads, [at, climb, calm, last, threads, listed], [near.sums])
             again = int(last or k == count - 2 or k % anew == anew - 1)
             more = k if leads else rows.SPARED if count == SWEEPS and k == 1 else -1
-            inputs = [data, at, climb, more, threads, near.pairs, near.words]
+            inputs = [data, at, climb, more, threads, listed, near.words]
             self.model.launch(self.press, threads, inputs, [near.sums])
             self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, again, near.sums], [at.d])
             if self.contact:
@@ -247,7 +246,7 @@ class SelfContact(Method):
         if self.clock.free:
             return [Remedy("meet")] if self.busy or wanted else []
         if wanted:
-            return [Remedy("room", lambda: self.grow(wanted))]
+            return [Remedy("room", lambda: self.grow(wanted), keeps=True)]
         if self.fast.shortens(said):
             return [Remedy("grow", lambda: self.fast.shorten(said))]
         if (said[cut.LOST] > LOSS or said[cut.PINCHED]) and not self.often:
@@ -262,7 +261,7 @@ class SelfContact(Method):
         return []
 
     def grow(self, wanted: int) -> str:
-        before = self.near.pairs.capacity
+        before = self.near.capacity
         if wanted <= before:
             return ""
         self.near.grow(wanted)
@@ -271,9 +270,7 @@ class SelfContact(Method):
 
     def room(self) -> None:
         """Arrays of others for as many pairs as the list has room for."""
-        for each in (self.settle, self.solved):
-            if each:
-                each.room()
+        self.settle.room()
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
         said = status.said(SAID)

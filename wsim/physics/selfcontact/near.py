@@ -1,4 +1,8 @@
-"""The list of near pairs: when it is made, and what it holds on. See kernels/selfcontact/search.py and tubes.py."""
+"""The list of near pairs: when it is made, and what it holds on. See kernels/selfcontact/search.py and tubes.py.
+
+Kernels read the list from a struct on the device (`wsim.model.structs.Placed`), and their threads are as many whatever room it
+has: where it grows, the frame is repeated with the same graph.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, search, tubes
-from wsim.model.structs import filled
+from wsim.model.structs import Placed, filled
 from wsim.physics.selfcontact.modules import core
 from wsim.physics.selfcontact.tree import Order, Tree
 
@@ -19,16 +23,17 @@ if TYPE_CHECKING:
     from wsim.physics.selfcontact.surfaces import Surfaces
 
 LANES, MANY = 256, 16384         # partial sums of moments; points from which there are FOLD times as many
-EACH = 4               # pairs a point that there is room for at first
+EACH = 16              # pairs a point that there is room for at first: crumpled sheets have 6 to 9, ropes of cloth 80 to 170
+MORE = 4               # times the pairs that were wanted that there is room for from then on
 AROUND = 12            # candidates a point that there is room for besides: those of a flat cloth
 EPOCHS = 1 << 16       # substeps that a frame has fewer of
-THREADS = 1 << 18      # that go through candidates on a GPU, at most
+LEAST, THREADS = 1 << 14, 1 << 18      # threads that go through pairs and candidates on a GPU
 SORTED = 8             # frames after which trees are sorted anew: boxes of what has folded overlap
 
 
 class Near:
-    """pairs: the list; found: candidates for it; words: what decides on the device (kernels/selfcontact/pairs.py); sums: what
-    pairs add up."""
+    """listed_at, found_at: the list and candidates for it; threads: of a launch over either; words: what decides on the device
+    (kernels/selfcontact/pairs.py); sums: what pairs add up."""
 
     def __init__(self, model: Model, surfaces: Surfaces, turns: bool = False):
         """turns: pairs may be pressed in turn (kernels/selfcontact/rows.py)."""
@@ -59,7 +64,12 @@ class Near:
         if surfaces.own["edges"] < surfaces.free["edges"]:
             self.alone = model.upload(np.arange(surfaces.own["edges"]), int)
         self.trees = [Tree(model, surfaces, kind, span) for kind, span in self._spans()]
-        self.age = self.rounds = self.grown = 0
+        self.age = self.rounds = self.capacity = 0
+        self.solves = False                      # True: Newton steps solve for rows
+        self.listed_at, self.found_at = Placed(pairs.lists(real), device), Placed(pairs.Candidates, device)
+        self.listed_at.put(**{name: zeros(1, dtype=int) for name in ("count", "rows", "active")})
+        self.found_at.put(count=zeros(1, dtype=int))
+        self.threads = min(max(LEAST, 8 * len(surfaces.points)), THREADS) if device.is_cuda else 1
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
         self.room(max(1024, EACH * len(surfaces.points)))
 
@@ -78,27 +88,44 @@ class Near:
         found += [(0, self.tips[0].item, 2, 0), (1, more, 3, 0)] if self.surfaces.obstacles else []
         return [each for each in found if self.trees[each[2]].number]            # rods have edges alone
 
+    @property
+    def pairs(self):
+        """The list, as the host knows it."""
+        return self.listed_at.struct
+
+    @property
+    def table(self) -> wp.array:
+        """The list, as kernels read it."""
+        return self.listed_at.at
+
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
         zeros, t = partial(wp.zeros, capacity, device=self.model.device), types(self.model.real)
         scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "past")
-        self.pairs = filled(
-            pairs.lists(self.model.real), capacity=capacity, count=wp.zeros(1, dtype=int, device=self.model.device),
-            ids=zeros(dtype=wp.vec4i), four=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4),
+        self.capacity = capacity
+        self.listed_at.put(
+            capacity=capacity, ids=zeros(dtype=wp.vec4i), four=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4),
             swept=wp.zeros(4 * capacity, dtype=t.vec4, device=self.model.device),
             **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
-            **{k: wp.zeros(1, dtype=int, device=self.model.device) for k in ("rows", "active")},
             **{k: zeros(dtype=t.scalar) for k in scalars}, **{k: zeros(dtype=t.vec3) for k in vectors})
+        if self.solves:
+            self.solve()
         room = AROUND * len(self.surfaces.points) + search.CANDIDATES * capacity
-        self.found = filled(pairs.Candidates, capacity=room, count=wp.zeros(1, dtype=int, device=self.model.device),
-                            pair=wp.zeros(room, dtype=wp.vec2i, device=self.model.device))
+        self.found_at.put(capacity=room, pair=wp.zeros(room, dtype=wp.vec2i, device=self.model.device))
+        for count in (self.pairs.count, self.pairs.rows, self.pairs.active, self.found_at.struct.count):
+            count.zero_()
         self.anew()
 
+    def solve(self) -> None:
+        """Arrays of rows that Newton steps solve for, for as many as there is room for."""
+        zeros, t = partial(wp.zeros, self.capacity, device=self.model.device), types(self.model.real)
+        self.solves = True
+        self.listed_at.put(force=zeros(dtype=t.vec3), **{k: zeros(dtype=t.scalar) for k in ("stiff", "last", "rho")})
+
     def grow(self, wanted: int) -> None:
-        """Room for so many pairs, and more of it each time that a frame is repeated for it: it ends at the first list that has
-        none, and may only be repeated a few times."""
-        self.room(wanted + (wanted << max(self.grown - 1, 0)) // 2)
-        self.grown += 1
+        """Room for more than so many pairs: a frame ends at the first list that has none, and may only be repeated a few times.
+        """
+        self.room(MORE * wanted)
 
     def anew(self) -> None:
         """Clears what a frame that was given up has left."""
@@ -131,7 +158,6 @@ class Near:
         if self.age == 1 and at is not None:
             at.d.assign(at.e.numpy() + step)
             self.foresee(at)
-        self.grown = 0
 
     def foresee(self, at) -> None:
         """Room for the pairs of a list that is made and forgotten, before a frame is recorded that has none: to record one of
@@ -171,14 +197,13 @@ class Near:
         if solved:
             launch(self.thin, len(s.points), [s.data, self.words], [f])
         self.pairs.count.zero_()
-        self.found.count.zero_()
+        self.found_at.struct.count.zero_()
         for tree in self.trees:
             tree.fit(f)
         for kind, order, k, own in self._searches():
-            launch(self.meet, len(order), [s.data, f, kind, order, self.trees[k].tree, own, s.thickness], [self.found])
-        threads = min(self.found.capacity, THREADS) if self.model.device.is_cuda else 1
-        launch(self.sift, threads, [s.data, f, self.found, threads], [self.pairs])
-        launch(self.listed, 1, [self.found, begins, len(s.points)], [self.pairs, f, self.words])
+            launch(self.meet, len(order), [s.data, f, kind, order, self.trees[k].tree, own, s.thickness], [self.found_at.at])
+        launch(self.sift, self.threads, [s.data, f, self.found_at.at, self.threads], [self.listed_at.at])
+        launch(self.listed, 1, [self.found_at.at, begins, len(s.points)], [self.listed_at.at, f, self.words])
 
     def look(self, at) -> None:
         """Looks whether points are in their tubes where the substep ends."""

@@ -16,7 +16,6 @@ from wsim.kernels.selfcontact.newton import solve as solution
 from wsim.kernels.solver import line_search, pcg
 from wsim.model.structs import filled
 from wsim.physics.selfcontact.modules import NEWTON, NEWTON_WORDS, newton
-from wsim.physics.selfcontact.near import THREADS
 from wsim.physics.solver.assembly import Assembly, Term
 from wsim.physics.solver.linear import EACH
 
@@ -42,7 +41,7 @@ class NewtonRows(Term):
         self.kernels: dict[str, Any] = {f.__name__: f(real, module) for f in NEWTON}
         self.kernels |= {f.__name__: f(module) for f in NEWTON_WORDS} | {"product": solution.multiply(real, module, *kinds)}
         self.pcg, self.choose = pcg.several(real, module, *kinds), line_search.choose(real, module)
-        self.again, self.capacity, self.words, self.unasked = False, 0, system.zeros(3, int), system.zeros(0, real)
+        self.again, self.words, self.unasked = False, system.zeros(3, int), system.zeros(0, real)
         n, worlds, t = model.points, model.worlds, types(real)
         self.systems = system.systems // worlds                    # of a world
         starts = system.starts[::self.systems]
@@ -54,26 +53,19 @@ class NewtonRows(Term):
         self.law = filled(laws.laws(real), points=n, sum=system.zeros(3 * n, wp.int64), block=system.zeros(6 * n, wp.int64),
                           scale=system.zeros(n, t.scalar), change=system.zeros((worlds, laws.PARTS), wp.int64),
                           unit=system.zeros(worlds, wp.float64))
-        self.room()
+        self.near.solve()
         system.joined = self
-
-    def room(self) -> None:
-        """Arrays for so many rows as there is room for; not captured."""
-        if self.capacity != (n := self.near.pairs.capacity):
-            t, zeros = types(self.model.real), self.assembly.system.zeros
-            self.capacity, self.law.k, self.law.rho, self.law.last = n, *(zeros(n, t.scalar) for _ in range(3))
-            self.law.push = zeros(n, t.vec3)
 
     # launches
 
     @property
     def given(self) -> list:
         """What kernels over rows read first."""
-        return [self.surfaces.data, self.method.at(), self.near.pairs]
+        return [self.surfaces.data, self.method.at(), self.near.table]
 
     @property
     def threads(self) -> int:
-        return min(self.near.pairs.capacity, THREADS) if self.model.device.is_cuda else 1
+        return self.near.threads
 
     def over_rows(self, name: str, inputs: list, outputs: list) -> None:
         self.model.launch(self.kernels[name], self.threads, inputs, outputs)
@@ -130,7 +122,7 @@ class NewtonRows(Term):
         def look() -> None:
             self.assembly.linearise(1.0 / clock.g)
             self.method.borrow()
-            self.over_rows("stiffen", [self.surfaces.data, self.near.pairs, self.assembly.A, self.threads, self.law], [])
+            self.over_rows("stiffen", [self.surfaces.data, self.near.table, self.assembly.A, self.threads, self.law], [])
             self.renew(laws.LOOK)
             back()
             self.drop.zero_()

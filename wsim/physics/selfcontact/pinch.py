@@ -61,6 +61,6 @@ class Pinch:
         near = self.near
 
         def count() -> None:
-            inputs = [near.surfaces.data, near.pairs, self.obstacles.first]
-            self.model.launch(self.count, near.pairs.capacity, inputs, [near.words, said])
+            inputs = [near.surfaces.data, self.obstacles.first, near.threads, near.table]
+            self.model.launch(self.count, near.threads, inputs, [near.words, said])
         wp.capture_if(near.word(pairs.PINCH), count)

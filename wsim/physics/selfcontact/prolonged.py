@@ -11,7 +11,7 @@ from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs, settle
 from wsim.kernels.selfcontact import prolonged as kernels
 from wsim.model.stage import MET, Clock, Stage
-from wsim.model.structs import filled
+from wsim.model.structs import Placed, filled
 from wsim.physics.selfcontact.settle import SWEEPS, Settle
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ class Prolonged(Settle):
         self.motion.meet()
         if not self.colliders:
             self.motion.surfaces()
+        self.slips_at = Placed(kernels.slips(method.model.real), method.model.device)
         super().__init__(method)
         surfaces, t, device = method.surfaces, types(self.model.real), self.model.device
         self.ahead = wp.zeros(surfaces.total, dtype=t.vec3, device=device)     # d before surfaces act on it [m]
@@ -43,8 +44,7 @@ class Prolonged(Settle):
         super().room()
         if (n := self.capacity) != before:
             dtypes = dict.fromkeys(("p", "turn", "Q"), t.vec3) | {"sticks": int}
-            self.slips = filled(kernels.slips(self.model.real),
-                                **{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
+            self.slips_at.put(**{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
 
     def asked(self, clock: Clock) -> bool:
         return clock.integrator.beyond
@@ -89,11 +89,9 @@ class Prolonged(Settle):
         if not self.asked(clock):
             return
         near = self.method.near
-        given = [self.method.surfaces.data, self.state_of(v=self.speeds()), near.pairs, self.ahead, clock.h]
+        given = [self.method.surfaces.data, self.state_of(v=self.speeds()), near.table, self.ahead, clock.h]
         self.aims.count.zero_()
-        if self.method.solved:
-            self.slips.solved = self.method.solved.law.push
-        wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", given, [self.aims, self.slips]))
+        wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", given, [self.aims_at.at, self.slips_at.at]))
 
     def settle(self, clock: Clock) -> None:
         """Behind the guarantee: v gets what contacts have changed, then what impulses do."""
@@ -109,13 +107,13 @@ class Prolonged(Settle):
     def even(self, clock: Clock) -> None:
         """Velocities of pairs that push are those of their motions, and colliders bear what they are given."""
         data, v, sums, h = self.method.surfaces.data, self.speeds(), self.method.near.sums, clock.h
-        self.pairs("aim", [data, self.method.at(), h], [self.aims, self.slips, sums])
+        self.pairs("aim", [data, self.method.at(), h], [self.aims_at.at, self.slips_at.at, sums])
         self.add(v)
         for _ in range(SWEEPS):
             if self.colliders:
                 self.colliders.even(v)
-            self.pairs("spread", [self.aims], [sums])
-            self.pairs("strike", [data, self.state_of(v=v), h, self.aims, self.slips], [sums])
+            self.pairs("spread", [self.aims_at.at], [sums])
+            self.pairs("strike", [data, self.state_of(v=v), h, self.aims_at.at, self.slips_at.at], [sums])
             self.add(v)
         if self.method.surfaces.state:
             self.combine(1.0, v, 0.0, v, self.state.v)

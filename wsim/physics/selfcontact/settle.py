@@ -9,7 +9,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, rows, settle
-from wsim.model.structs import filled
+from wsim.model.structs import Placed
 
 if TYPE_CHECKING:
     from wsim.model.stage import Clock, Methods
@@ -29,6 +29,8 @@ class Settle:
         self.memory, self.halved = m.memory > 0.0, m.lags
         self.capacity = 0
         self.kernels = self.make(self.model.real, self.model.module)
+        self.aims_at = Placed(settle.aims(self.model.real), self.model.device)
+        self.aims_at.put(count=wp.zeros(1, dtype=int, device=self.model.device))
         if self.kernels:
             self.room()
 
@@ -50,15 +52,19 @@ class Settle:
 
     def room(self) -> None:
         """Arrays for so many pairs as the list has room for; not captured."""
-        if not self.kernels or self.capacity == self.method.near.pairs.capacity:
+        if not self.kernels or self.capacity == self.method.near.capacity:
             return
         t, device = types(self.model.real), self.model.device
-        n = self.capacity = self.method.near.pairs.capacity
+        n = self.capacity = self.method.near.capacity
         scalars = ("aim", "least", "most", "q", "swept", "keep")
         dtypes = {"ids": wp.vec4i, "b": t.vec4, "n": t.vec3, **dict.fromkeys(scalars, t.scalar)}
-        self.aims = filled(settle.aims(self.model.real), count=wp.zeros(1, dtype=int, device=device),
-                           **{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
-        self.threads = n if device.is_cuda else 1
+        self.aims_at.put(**{name: wp.zeros(n, dtype=dtype, device=device) for name, dtype in dtypes.items()})
+        self.aims.count.zero_()
+
+    @property
+    def aims(self):
+        """The pairs that push."""
+        return self.aims_at.struct
 
     def meet(self, others: Methods) -> None:
         if self.halved and (port := others.find("impacts")) is not None:
@@ -71,7 +77,8 @@ class Settle:
         return bool(self.clock.integrator.stages) and self.clock.substeps > 1
 
     def pairs(self, name: str, inputs: list, outputs: list) -> None:
-        self.model.launch(self.kernels[name], self.threads, [*inputs, self.threads], outputs)
+        threads = self.method.near.threads
+        self.model.launch(self.kernels[name], threads, [*inputs, threads], outputs)
 
     def combine(self, a: float, x: wp.array, b: float, y: wp.array, out: wp.array, colliders: bool = False) -> None:
         """out = a x + b y, of points of surfaces. colliders: of theirs, too."""
@@ -99,14 +106,14 @@ class Settle:
         """Launches the test whether sweeps go on."""
         near = self.method.near
         near.word(pairs.NEARER).zero_()
-        self.pairs("lacking", [v, self.aims, self.clock.h, first], [near.words])
+        self.pairs("lacking", [v, self.aims_at.at, self.clock.h, first], [near.words])
         self.method.go_on()
 
     def sweeps(self, v: wp.array, count: int, leads: bool) -> None:
         w, near = self.method.surfaces.data.w, self.method.near
         for k in range(count):
-            self.pairs("spread", [self.aims], [near.sums])
-            self.pairs("strike", [w, v, self.aims, k if leads else -1, near.words], [near.sums])
+            self.pairs("spread", [self.aims_at.at], [near.sums])
+            self.pairs("strike", [w, v, self.aims_at.at, k if leads else -1, near.words], [near.sums])
             self.add(v)
 
     def expected(self, clock: Clock):
@@ -128,10 +135,10 @@ class Settle:
         near = self.method.near
         self.aims.count.zero_()
         back = -clock.g if self.memory else 2.0 * clock.h
-        wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [near.pairs, back], [self.aims]))
+        wp.capture_if(near.word(pairs.NEAR), lambda: self.pairs("gather", [near.table, back], [self.aims_at.at]))
         if self.halved:
             self.given.zero_()
-            self.pairs("give", [self.method.surfaces.data, self.method.at(), self.aims, 2.0], [near.sums])
+            self.pairs("give", [self.method.surfaces.data, self.method.at(), self.aims_at.at, 2.0], [near.sums])
             self.add(self.given)
             self.combine(1.0, self.given, -1.0 / clock.h, self.state.d, self.given)
 
@@ -153,11 +160,11 @@ class Settle:
         s, v, at, g = self.state, self.v, self.method.at(), clock.g
         strands = self.method.strands
         sweep = partial(strands.settled, sweep=self.sweep) if strands else lambda v, past: self.sweep(v)
-        self.pairs("aim", [at, clock.h], [self.aims])
+        self.pairs("aim", [at, clock.h], [self.aims_at.at])
         self.combine(1.0 / g, at.d, -1.0 / g, at.a, v, colliders=True)
         sweep(v, past=False)
         self.combine(1.0, s.d, -g, v, self.method.points.anchor)
-        self.pairs("aim", [at, clock.h], [self.aims])
+        self.pairs("aim", [at, clock.h], [self.aims_at.at])
         self.combine(1.0, s.v, 0.0, s.v, v)
         sweep(v, past=True)
         self.combine(1.0, v, 0.0, v, s.v)
@@ -186,7 +193,7 @@ class Settle:
         self.combine(1.0, s.v, -1.0, s.b, self.v)
         if self.method.strands:
             self.method.strands.still(self.v)            # no kick, but their part of what contacts take back
-        self.pairs("give", [self.method.surfaces.data, self.method.at(), self.aims, 1.0], [self.method.near.sums])
+        self.pairs("give", [self.method.surfaces.data, self.method.at(), self.aims_at.at, 1.0], [self.method.near.sums])
         self.add(self.v)
         self.sweep(self.v)
         self.combine(1.0, s.b, 1.0, self.v, s.v)
