@@ -1,5 +1,5 @@
-"""Rigid bodies and strands, solved at once: Newton's system of the strands (kernels/rods/coupled.py) has the motion of every
-body that they touch among its unknowns. Their contacts: kernels/rigid/touch/strand_forces.py.
+"""Rigid bodies and strands, solved at once: Newton's system of the strands (kernels/rods/together/coupled.py) has the motion of
+every body that they touch among its unknowns. Their contacts: kernels/rigid/touch/strand_forces.py.
 
 A body goes where its momentum leads it, and is moved from there by xi = (u [m], a [rad]) about its centre of mass; a place at
 the arm r from it by J xi = u + a x r. With the law of kernels/rods/contact.py, a force f on the point and K = -df/dx,
@@ -8,10 +8,10 @@ the arm r from it by J xi = u + a x r. With the law of kernels/rods/contact.py, 
     body      (W + sum J^T K J) zeta - sum J^T K z = -W xi - sum J^T f,        W = (m, I) / h^2
 
 Bodies are eliminated: with D = W + sum J^T K J, zeta = D^-1 (b + sum J^T K z), and what is left of them among the points is
-K - K J D^-1 J^T K, which conjugate gradients take (kernels/rods/conjugate.py), in 6 rounds a body at most. What a body gets in
-the end is the momentum of how far it was moved, m u / h and I a / h: the sum of the linear equations that points were solved
-with, so that both together keep theirs, whatever Newton's method has left. Arms are those of the points, or of the places
-within edges, so that angular momentum is what points lose of theirs.
+K - K J D^-1 J^T K, which conjugate gradients take (kernels/rods/together/conjugate.py), in 6 rounds a body at most. What a body
+gets in the end is the momentum of how far it was moved, m u / h and I a / h: the sum of the linear equations that points were
+solved with, so that both together keep theirs, whatever Newton's method has left. Arms are those of the points, or of the
+places within edges, so that angular momentum is what points lose of theirs.
 
 A drag c [1/s] of the body acts on what forces have given it since the substep began, whatever they are: a constant force leaves
 the part s = (1 - exp(-c h)) / (c h) of h times it, as weight does (`kicked`, kernels/rigid/motion.py). So W = (m / s, I / s') /
@@ -26,8 +26,8 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double3, kicked
-from wsim.kernels.rods.coupled import ACTIVE, Coupled
 from wsim.kernels.rods.tables import Borne, Strands, Trial
+from wsim.kernels.rods.together.coupled import ACTIVE, Coupled
 
 
 @wp.struct

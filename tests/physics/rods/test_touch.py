@@ -4,15 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 import wsim
 from tests.physics.rods.knots import closed, determinant, linking
 from tests.physics.rods.rig import simulated
-from wsim.physics.rods import shape
+from wsim.kernels.rods.together import reduction
+from wsim.physics.rods import shape, together
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Motion, Scene
+from wsim.simulation.simulation import Simulation
 
 N, THICK = 17, 0.02
+
+
+@wp.kernel(module="reduced", enable_backward=False)
+def reduced(points: wp.array(dtype=int), nodes: wp.array3d(dtype=wp.float64), work: wp.array(dtype=wp.float64),
+            r: wp.array2d(dtype=wp.vec4d), most: int, z_out: wp.array2d(dtype=wp.vec4d)):
+    reduction.factor(points, nodes, 0, points.shape[0], most)
+    reduction.solve(points, nodes, work, r, z_out, 0, points.shape[0], most)
 
 
 def thrown(seed: int = 0, speed: float = 10.0, held: bool = True, on: bool = True, substeps: int = 4) -> tuple[Scene, Rods]:
@@ -169,3 +179,62 @@ def test_a_knot_that_is_pulled_tight_stays_and_tightens():
         sizes.append(np.ptp(written[20:-20, 1]))
     assert sizes[0] > 0.2 and sizes[-1] < 0.03
     assert method.indicators(None, None)["rod_gap"] > 0.008
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 40])
+def test_odd_even_reduction_errs_by_rounding_alone(n):
+    """Springs 1e8 times as stiff along as across, strands of n, n - 1 .. points side by side: residuals are those of a backward
+    stable elimination, a few eps |A| |z| an unknown, which dense elimination of the same strands has as well."""
+    rng, m, most = np.random.default_rng(n), 3, (n + 1) // 2
+    counts = np.maximum(n - np.arange(m), 1)
+    nodes, r, dense = np.zeros((reduction.MATRICES, 8, most, m, 8)), rng.normal(size=(n, m, 4)), []
+    for k, count in enumerate(counts):
+        size = 8 * ((count + 1) // 2)
+        A = np.zeros((size, size))
+        for i in range(0, size - 4, 4):
+            t = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+            K = t @ np.diag([1e8, 1.0, 1.0, 1e-2]) @ t.T
+            A[i:i + 8, i:i + 8] += np.block([[K, -K], [-K, K]])
+        A[4 * count:], A[:, 4 * count:] = 0.0, 0.0
+        A += np.diag(np.where(np.arange(size) < 4 * count, 1e-2, 1.0))
+        for J in range(size // 8):
+            own = slice(8 * J, 8 * J + 8)
+            nodes[reduction.OWN, :, J, k] = A[own, own].T
+            if size > 8 * J + 8:
+                nodes[reduction.NEXT, :, J, k] = A[own, 8 * J + 8:8 * J + 16].T
+        dense.append(A[:4 * count, :4 * count])
+    given = [wp.array(counts.astype(np.int32), dtype=int, device="cpu"),
+             wp.array(nodes.reshape(reduction.MATRICES, 8, -1), dtype=wp.float64, device="cpu"),
+             wp.zeros(16 * most * m, dtype=wp.float64, device="cpu"), wp.array(r, dtype=wp.vec4d, device="cpu")]
+    z = wp.zeros((n, m), dtype=wp.vec4d, device="cpu")
+    wp.launch(reduced, 1, [*given, most], [z], device="cpu")
+    for k, (count, A) in enumerate(zip(counts, dense, strict=True)):
+        found, side = z.numpy()[:count, k].ravel(), r[:count, k].ravel()
+        for x in (found, np.linalg.solve(A, side)):
+            scale = np.abs(A).sum(axis=1).max() * np.abs(x).max() + np.abs(side).max()
+            assert np.abs(side - A @ x).max() < 4 * count * np.finfo(float).eps * scale
+
+
+@pytest.mark.slow
+def test_a_block_of_threads_finds_what_a_thread_a_strand_does(monkeypatch):
+    """Two ropes that are thrown at each other, a short one between them, in two worlds: iterations end at 1e-6 of an edge, 12
+    substeps."""
+    def places(team: bool) -> tuple[np.ndarray, np.ndarray, float]:
+        monkeypatch.setattr(together, "TEAM", team)
+        made, rods = thrown(1, speed=4.0)
+        t = np.linspace(0.02, 0.2, 6)
+        made.add(Rods("/short", np.stack([t, 0.3 * t, 0.0 * t], axis=1), [6], THICK, young=1e7, self_collision=True))
+        simulation = Simulation(made, device="cpu", worlds=2)
+        method, pressed = simulation.plan.method("rods"), 0.0
+        for _ in range(3):
+            simulation.step()
+            pressed = max(pressed, method.indicators(None, None)["rod_pressed"])
+        order = [k for world in range(2) for k, (_, of) in enumerate(method.table.pairs) if of == world]
+        long, short = (np.stack([method.points(k)[0] for k in order[first::2]]) for first in range(2))
+        return long, short, pressed
+    one, other, again = places(True), places(False), places(True)
+    assert one[2] > 0.0
+    for k in range(2):                                                                # ropes, and the short one
+        assert np.array_equal(one[k], again[k])
+        assert np.array_equal(one[k][0], one[k][1])                                   # of both worlds
+        assert np.abs(one[k] - other[k]).max() < 12 * 1e-6 * 0.0625

@@ -5,7 +5,7 @@ import pytest
 
 from tests.make.usda import Reader, errors
 from wsim.cli.inventory import inventory
-from wsim.kernels.rods.coupled import MOST
+from wsim.kernels.rods.together.coupled import MOST
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.start import apart
 from wsim.scene import Box, Motion, Scene, SceneError, Sphere

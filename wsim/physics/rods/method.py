@@ -90,7 +90,7 @@ class Strands(Method):
         self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
         self.touching: Any = None
         if together:
-            self.touching = self._touching(own, b.status, touching)
+            self.touching = self._touching(own, b.status, touching, bearing)
         if touching:
             b.state.add(self.touching.memory)
         if bearing:
@@ -131,13 +131,13 @@ class Strands(Method):
         self.kernel = strands(self.obstacles.kinds, self.airy, own)
         return Stage("rods", "predict", self.advance, 1, self.part.bytes, "frame", what + "BDF2 in one launch, float64")
 
-    def _touching(self, name: str, status: Status, edges: bool) -> Any:
-        """All strands together; edges: with contacts of their edges."""
+    def _touching(self, name: str, status: Status, edges: bool, bodies: bool) -> Any:
+        """All strands together; edges: with contacts of their edges; bodies: of rigid bodies."""
         if edges:
             from wsim.physics.rods.touch import Touching
-            return Touching(self, name, status, self.model.device)
+            return Touching(self, name, status, self.model.device, bodies)
         from wsim.physics.rods.together import Together
-        return Together(self, name, status, self.model.device)
+        return Together(self, name, status, self.model.device, bodies)
 
     def _allocate(self, b, meeting: bool, bearing: bool) -> None:
         t, device, more = self.table, self.model.device, EDGES if self.obstacles.kinds else ()

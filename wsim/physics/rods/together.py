@@ -1,6 +1,6 @@
-"""Strands that are solved together, for all of a world at once (kernels/rods/coupled.py), substep by substep: what rigid bodies
-are pushed by (bodies.py), and, with the contacts of edges and the proof, what touches itself (touch.py). Else strands march by
-themselves (method.py)."""
+"""Strands that are solved together, for all of a world at once (kernels/rods/together/coupled.py), substep by substep: what
+rigid bodies are pushed by (bodies.py), and, with the contacts of edges and the proof, what touches itself (touch.py). Else
+strands march by themselves (method.py)."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.rods import conjugate, coupled, tables
-from wsim.kernels.rods.ends import ends
+from wsim.kernels.rods import tables
 from wsim.kernels.rods.tables import Step
+from wsim.kernels.rods.together import conjugate, coupled, nodes, team
+from wsim.kernels.rods.together.ends import begins, ends
+from wsim.kernels.rods.together.reduction import MATRICES, SIZE
 from wsim.model.launches import Launches
 from wsim.model.stage import Clock, Remedy
 from wsim.model.structs import filled
@@ -42,6 +44,15 @@ class Ground(Launches):
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
 
 
+TEAM: bool | None = None      # a block of threads a world; None: on a GPU, of fewer than FEW strands that meet no bodies
+FEW = 512                     # strands: with as many, a thread each costs no more than a block for all
+
+
+def teams(table, worlds: int, bodies: bool, device) -> bool:
+    """True if a block of threads a world solves its strands, False: a thread a strand."""
+    return not bodies and (device.is_cuda and table.strands < FEW * worlds if TEAM is None else TEAM)
+
+
 class Together:
     """bodies: the rigid ones that its strands meet, None where there are none. carries: what moves them at the end of a substep
     has told them how they go on."""
@@ -49,17 +60,14 @@ class Together:
     carries = False
     memory: Any = None           # of pairs of edges, where there are some
 
-    def __init__(self, strands: Strands, module: str, status: Status, device):
+    def __init__(self, strands: Strands, module: str, status: Status, device, bodies: bool = False):
         self.strands, self.table, self.status = strands, strands.table, status
         self.bodies: Bodies | None = None
         t, worlds = self.table, strands.model.worlds
         self.ground = Ground(module, strands, t.longest * t.strands, worlds)
         names = strands.obstacles.kinds
-        (self.begin, self.begin_worlds, self.assemble, self.measure, self.judge, self.take) = coupled.newton(
-            names, strands.airy, module)
-        (self.carry, self.start, self.apply, self.length, self.step, self.turn, self.aim, self.finish) = conjugate.gradients(
-            module)
-        self.displace, self.settle, self.end, self.touched, self.remember = ends(names, module)
+        self.begin, self.begin_worlds, self.displace = begins(module)
+        self.settle_edges, self.settle, self.end, self.remember = ends(names, module)
         self.zeros = partial(wp.zeros, device=device)
         self.words, self.d = self.zeros(coupled.WORDS, dtype=int), self.zeros(self.ground.points, dtype=wp.vec3d)
         self.pressed: Any = tables.Pressed()
@@ -67,6 +75,27 @@ class Together:
         self.borne: Any = tables.Borne()
         self.often, self.fresh = False, True
         self._coupled(worlds)
+        self.team: Any = None
+        if teams(t, worlds, bodies, device):
+            self._team(names, module, device)
+            return
+        self.assemble, self.measure, self.judge, self.take = coupled.newton(names, strands.airy, module)
+        (self.carry, self.start, self.apply, self.length, self.step, self.turn, self.aim, self.finish) = conjugate.gradients(
+            module)
+
+    def _team(self, names: tuple[str, ...], module: str, device) -> None:
+        """Tables of blocks of threads that solve a world each."""
+        t, zeros, worlds = self.table, self.zeros, self.ground.worlds
+        self.threads = team.BLOCK if device.is_cuda else 1
+        self.part = nodes.parting(names, self.strands.airy, module)
+        self.correct = team.correcting(self.threads, self.ground.module_of(self.threads, "team"))
+        two, size = (t.longest, t.strands), SIZE * ((t.longest + 1) // 2) * t.strands
+        most = np.zeros(worlds, np.int32)
+        np.maximum.at(most, self.worlds_of, ((t.counts + 1) // 2).astype(np.int32))
+        self.team = filled(
+            nodes.Team, parts=zeros((6, *two), dtype=wp.mat44d), sides=zeros((3, *two), dtype=wp.vec4d),
+            nodes=zeros((MATRICES, SIZE, size), dtype=wp.float64), work=zeros(2 * size, dtype=wp.float64),
+            most=self.ground.upload(most, int), before=zeros(two, dtype=wp.vec3d))
 
     def _coupled(self, worlds: int) -> None:
         t, zeros = self.table, self.zeros
@@ -75,7 +104,8 @@ class Together:
         two = (t.longest, t.strands)
         self.group = filled(
             coupled.Coupled, first=self.ground.upload(first, int), world=self.ground.upload(of.astype(np.int32), int),
-            **{k: zeros(t.strands, dtype=wp.float64) for k in ("least", "sum", "left", "ahead", "gain")},
+            least=self.ground.upload(np.where(t.values["length"] > 0.0, t.values["length"], np.inf).min(axis=0), wp.float64),
+            **{k: zeros(t.strands, dtype=wp.float64) for k in ("sum", "left", "ahead", "gain")},
             **{k: zeros(worlds, dtype=int) for k in ("on", "turn", "count", "rounds", "touched", "back", "rough", "above")},
             **{k: zeros(worlds, dtype=wp.float64) for k in ("scale", "slope", "part", "body", "rho", "rho0", "alpha", "beta")},
             **{k: zeros(worlds, dtype=wp.vec2d) for k in ("low", "high")},
@@ -117,6 +147,10 @@ class Together:
         """Launches a kernel over all strands."""
         self.ground.launch(kernel, self.table.strands, inputs, outputs)
 
+    def points(self, kernel, inputs: list, outputs: list) -> None:
+        """Launches a kernel over all points."""
+        self.ground.launch(kernel, self.ground.points, inputs, outputs)
+
     def word(self, k: int) -> wp.array:
         """One word, as conditions of a graph take it."""
         return self.words[k:k + 1]
@@ -124,16 +158,17 @@ class Together:
     def solve(self, k: int) -> None:
         """Displacements of a substep."""
         s, G, T, Q = self.strands, self.group, self.strands.trial, self.motion
-        self.each(self.begin, [s.strands, s.holds, Q, T, G, self.h, k], [])
-        self.each(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
+        self.points(self.begin, [s.strands, s.holds, Q, T, self.h, k], [])
+        self.points(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
         self.look()
         if self.bodies:
             self.bodies.begin()
         self.ground.launch(self.begin_worlds, self.ground.worlds, [G, self.words], [])
-        wp.capture_while(self.word(coupled.GOING), lambda: self.newton(k))
+        newton = self.newton_of_teams if self.team else self.newton
+        wp.capture_while(self.word(coupled.GOING), lambda: newton(k))
         if self.bodies:
             self.bodies.give()
-        self.each(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
+        self.points(self.displace, [s.strands, Q, T], [self.d.reshape(T.x.shape)])
 
     def look(self) -> None:
         """What strands themselves touch, where a substep begins."""
@@ -149,14 +184,23 @@ class Together:
 
     def close(self, k: int) -> None:
         """The end of a substep, by displacements d."""
-        s, G, T, Q = self.strands, self.group, self.strands.trial, self.motion
-        self.each(self.settle, [s.strands, Q, self.d.reshape(T.x.shape), int(not self.carries)], [T, G])
+        s, G, T, Q, d = self.strands, self.group, self.strands.trial, self.motion, self.d.reshape(self.strands.trial.x.shape)
+        self.points(self.settle_edges, [s.strands, Q, d, int(not self.carries)], [T, G])
+        self.points(self.settle, [s.strands, Q, d], [T])
         self.hold()
         if self.bodies:
             self.bodies.hold()
-        self.each(self.end, [s.strands, s.obstacles.table, Q, T, self.pressed, G, filled(Step, h=self.h, at=k)], [s.said])
-        self.ground.launch(self.touched, self.ground.worlds, [G, self.words], [])
-        self.each(self.remember, [s.strands, G], [Q])
+        self.points(self.end, [s.strands, s.obstacles.table, Q, T, self.pressed, G, filled(Step, h=self.h, at=k)], [s.said])
+        self.points(self.remember, [s.strands, G], [Q, self.words])
+
+    def newton_of_teams(self, k: int) -> None:
+        """One iteration, a block of threads a world."""
+        s, G, T = self.strands, self.group, self.strands.trial
+        self.lean()
+        self.points(self.part, [s.strands, s.obstacles.table, self.motion, T, G, self.team, filled(Step, h=self.h, at=k)],
+                    [self.words])
+        self.ground.launch_blocks(self.correct, self.ground.worlds, self.threads,
+                                  [s.strands, T, G, self.pressed, self.team, self.borne], [self.words])
 
     def newton(self, k: int) -> None:
         """One iteration."""

@@ -10,8 +10,8 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.motion.points import states
-from wsim.kernels.rods import coupled
 from wsim.kernels.rods.edges import touch
+from wsim.kernels.rods.together import coupled
 from wsim.kernels.selfcontact import cut, pairs, rows
 from wsim.model.stage import Clock, Remedy
 from wsim.model.state import Field, Part
@@ -93,8 +93,8 @@ class Remembered(Part):
 
 
 class Touching(Together):
-    def __init__(self, strands: Strands, module: str, status: Status, device):
-        super().__init__(strands, module, status, device)
+    def __init__(self, strands: Strands, module: str, status: Status, device, bodies: bool = False):
+        super().__init__(strands, module, status, device, bodies)
         status.reserve(SAID, cut.SAID + 1)
         self.edges = Edges(self.table, self.ground)
         self.told = self.edges.told()
@@ -130,6 +130,9 @@ class Touching(Together):
         self.pressed = made(tuple(scalars))
         self.pressed.cross, self.pressed.rough = zeros((n, 2), dtype=wp.vec3d), self.group.rough
         self.corners = self.near.pairs.b
+        if self.team:
+            self.team.ids, self.team.b = self.near.pairs.ids, self.corners
+            self.team.of, self.team.many = zeros((points, self.deep), dtype=int), zeros(points, dtype=int)
         self.old, self.saved = made(MEMORY), made(MEMORY)
         self.old_ids, self.saved_ids = (zeros(n, dtype=wp.vec4i) for _ in range(2))
 

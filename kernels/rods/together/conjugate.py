@@ -13,9 +13,9 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.rods.coupled import TURNING, Coupled
 from wsim.kernels.rods.eliminate import backward
 from wsim.kernels.rods.tables import Borne, Pressed, Strands, Trial
+from wsim.kernels.rods.together.coupled import TURNING, Coupled
 
 GAIN = wp.constant(wp.float64(1e-8))     # residual over that of the start, squared, at which conjugate gradients end
 ROUNDS = wp.constant(400)                # of them, at most

@@ -1,5 +1,5 @@
 """Substeps of strands that press each other: Newton's method for all strands of a world at once. Corrections come of the blocks
-of strands alone (kernels/rods/system.py) where nothing presses, else of conjugate gradients (kernels/rods/conjugate.py).
+of strands alone (kernels/rods/system.py) where nothing presses, else of conjugate gradients (conjugate.py, beside this file).
 
 A step along which the force turns round, f . z < -OVERSHOT f0 . z, is taken back to where the force along it is 0, to OVERSHOT
 (regula falsi; Dowell, Jarratt 1971). What is met on the way pushes a thousand times as much as what was left: where that force
@@ -20,9 +20,9 @@ import warp as wp
 
 from wsim.kernels.rods.contact import Colliders
 from wsim.kernels.rods.eliminate import backward
-from wsim.kernels.rods.march import TOLERANCE, begin
+from wsim.kernels.rods.march import TOLERANCE
 from wsim.kernels.rods.system import forward, take
-from wsim.kernels.rods.tables import Borne, Holds, Motion, Step, Strands, Trial
+from wsim.kernels.rods.tables import Borne, Motion, Step, Strands, Trial
 
 MOST = wp.constant(150)                  # iterations of Newton: friction that turns round settles by a fifth in each
 OVERSHOT = wp.constant(wp.float64(0.5))
@@ -122,28 +122,36 @@ def stepped(G: Coupled, z: wp.float64, gain: wp.float64, k: int):
         G.on[k] = -1                                    # it is taken yet
 
 
+@wp.func
+def judge(G: Coupled, B: Borne, sums: wp.vec3d, k: int):
+    """What follows for world k of an iteration. sums: of its strands, greatest correction over the shortest edge, force along
+    the last step, and along the correction."""
+    z = sums[0]
+    ahead = sums[1]
+    gain = sums[2]
+    if B.many:
+        least = G.least[G.first[k]]
+        for j in range(G.first[k], G.first[k + 1]):
+            least = wp.min(least, G.least[j])
+        G.body[k] = wp.float64(0.0)
+        for j in range(B.first[k], B.first[k + 1]):
+            G.body[k] = wp.max(G.body[k], B.left[j] / wp.min(least, B.size[j]))
+            ahead += B.ahead[j]
+            gain += B.gain[j]
+        z = wp.max(z, G.body[k])
+    begun = G.count[k] > 0
+    G.count[k] = G.count[k] + 1
+    if z <= TOLERANCE or not begun or not searched(G, ahead, k):
+        stepped(G, z, gain, k)
+    if G.count[k] >= MOST:
+        G.on[k] = -1
+
+
 @cache
 def newton(kinds: tuple[str, ...], airy: bool, module: str):
-    """Kernels: begin a substep; assemble; measure corrections; judge them; take them. kinds: of colliders. airy: with air."""
+    """Kernels over strands: assemble; measure corrections; judge them (over worlds); take them. kinds: of colliders. airy: with
+    air."""
     assemble = forward(kinds, airy, True)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def begin_strands(S: Strands, H: Holds, Q: Motion, T: Trial, G: Coupled, h: wp.float64, at: int):
-        k = wp.tid()
-        begin(S, H, Q, T, h, at, k)
-        short = S.length[0, k]
-        for i in range(1, S.points[k] - 1):
-            short = wp.min(short, S.length[i, k])
-        G.least[k] = short
-
-    @wp.kernel(module=module, enable_backward=False)
-    def begin_worlds(G: Coupled, words: wp.array(dtype=int)):
-        k = wp.tid()
-        G.on[k] = 1
-        G.count[k] = 0
-        G.back[k] = 0
-        G.rough[k] = 0
-        words[GOING] = 1
 
     @wp.kernel(module=module, enable_backward=False)
     def assemble_strands(S: Strands, C: Colliders, Q: Motion, T: Trial, G: Coupled, h: wp.float64, at: int):
@@ -207,22 +215,7 @@ def newton(kinds: tuple[str, ...], airy: bool, module: str):
                     z = wp.max(z, G.left[j])
                     ahead += G.ahead[j]
                     gain += G.gain[j]
-                if B.many:
-                    least = G.least[G.first[k]]
-                    for j in range(G.first[k], G.first[k + 1]):
-                        least = wp.min(least, G.least[j])
-                    G.body[k] = wp.float64(0.0)
-                    for j in range(B.first[k], B.first[k + 1]):
-                        G.body[k] = wp.max(G.body[k], B.left[j] / wp.min(least, B.size[j]))
-                        ahead += B.ahead[j]
-                        gain += B.gain[j]
-                    z = wp.max(z, G.body[k])
-                begun = G.count[k] > 0
-                G.count[k] = G.count[k] + 1
-                if z <= TOLERANCE or not begun or not searched(G, ahead, k):
-                    stepped(G, z, gain, k)
-                if G.count[k] >= MOST:
-                    G.on[k] = -1
+                judge(G, B, wp.vec3d(z, ahead, gain), k)
                 going = going + wp.max(G.on[k], 0)
         words[GOING] = wp.min(going, 1)
 
@@ -242,4 +235,4 @@ def newton(kinds: tuple[str, ...], airy: bool, module: str):
                 a = wp.float64(1.0)
             take(S, T, a, k)
 
-    return begin_strands, begin_worlds, assemble_strands, measure_strands, judge_worlds, take_strands
+    return assemble_strands, measure_strands, judge_worlds, take_strands

@@ -1,0 +1,112 @@
+"""Systems of strands, made by a thread a point: what the point, the edge behind it and the bend behind that give the blocks of
+three points in a row (kernels/rods/eliminate.py has them as a window that moves), and nodes of two points that these are summed
+into (kernels/rods/together/reduction.py)."""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.rods.contact import TINY, Colliders
+from wsim.kernels.rods.eliminate import Window
+from wsim.kernels.rods.system import bent, edging, pointing
+from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
+from wsim.kernels.rods.together.coupled import GOING, Coupled
+from wsim.kernels.rods.together.reduction import NEXT, OWN
+
+
+@wp.struct
+class Team:
+    """Parts of blocks by point, systems by node (two points), active pairs by flat row of a point."""
+
+    parts: wp.array3d(dtype=wp.mat44d)              # as `Window` has them: D0, D1, D2, P, N, F, (6, points, strands)
+    sides: wp.array3d(dtype=wp.vec4d)               # r0, r1, r2
+    nodes: wp.array3d(dtype=wp.float64)             # see `reduction.factor`
+    work: wp.array(dtype=wp.float64)
+    most: wp.array(dtype=int)                       # nodes of the longest strand of each world
+    before: wp.array2d(dtype=wp.vec3d)              # places before a correction is taken [m]
+    ids: wp.array(dtype=wp.vec4i)                   # points of pairs, and their weights; only where edges touch each other
+    b: wp.array(dtype=wp.vec4d)
+    of: wp.array2d(dtype=int)                       # entries of pairs that press, as `Pressed` has all, (points, room)
+    many: wp.array(dtype=int)
+
+
+@cache
+def parting(kinds: tuple[str, ...], airy: bool, module: str):
+    """Kernel over points: their parts of the blocks. kinds: of colliders. airy: with air."""
+    point, edge = pointing(kinds, airy, True), edging(kinds, airy, True)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def part_points(S: Strands, C: Colliders, Q: Motion, T: Trial, G: Coupled, A: Team, p: Step, words: wp.array(dtype=int)):
+        m = S.points.shape[0]
+        i = wp.tid() / m
+        k = wp.tid() - i * m
+        if wp.tid() == 0:
+            words[GOING] = 0
+        if i >= S.points[k] or G.on[G.world[k]] != 1:
+            return
+        w = Window()
+        D, r = point(S, C, Q, T, p, i, k)
+        w.D0 = D
+        w.r0 = r
+        if i + 1 < S.points[k]:
+            e0 = T.x[i + 1, k] - T.x[i, k]
+            w.l0 = wp.length(e0)
+            w.t0 = e0 / wp.max(w.l0, TINY)
+            w = edge(S, C, Q, T, p, w, i, k)
+            if i + 2 < S.points[k]:
+                e1 = T.x[i + 2, k] - T.x[i + 1, k]
+                w.l1 = wp.length(e1)
+                w.t1 = e1 / wp.max(w.l1, TINY)
+                w = bent(S, Q, T, p, w, i + 1, k)
+        A.parts[0, i, k] = w.D0
+        A.parts[1, i, k] = w.D1
+        A.parts[2, i, k] = w.D2
+        A.parts[3, i, k] = w.P
+        A.parts[4, i, k] = w.N
+        A.parts[5, i, k] = w.F
+        A.sides[0, i, k] = w.r0
+        A.sides[1, i, k] = w.r1
+        A.sides[2, i, k] = w.r2
+
+    return part_points
+
+
+@wp.func
+def assemble(S: Strands, G: Coupled, A: Team, i: int, k: int):
+    """Puts the blocks of a point into its node, and its right-hand side into G; the force along the last step."""
+    n = S.points[k]
+    D = A.parts[0, i, k]
+    r = A.sides[0, i, k]
+    near = A.parts[3, i, k]
+    far = A.parts[5, i, k]
+    if i > 0:
+        D += A.parts[1, i - 1, k]
+        r += A.sides[1, i - 1, k]
+        near += A.parts[4, i - 1, k]
+    if i > 1:
+        D += A.parts[2, i - 2, k]
+        r += A.sides[2, i - 2, k]
+    G.force[i, k] = r
+    G.r[i, k] = r
+    first = 4 * (i % 2)
+    place = 8 * ((i / 2) * S.points.shape[0] + k)
+    four = int(4)
+    zero = wp.float64(0.0)
+    for c in range(four):
+        for j in range(four):
+            A.nodes[wp.static(OWN), first + c, place + first + j] = D[j, c]
+            if first == 0:
+                one = wp.where(j == c, wp.float64(1.0), zero)
+                if i + 1 == n:                               # the node's second point is none
+                    A.nodes[wp.static(OWN), 4 + c, place + 4 + j] = one
+                A.nodes[wp.static(OWN), 4 + c, place + j] = near[j, c]
+                A.nodes[wp.static(OWN), c, place + 4 + j] = near[c, j]
+                A.nodes[wp.static(NEXT), c, place + j] = far[j, c]
+                A.nodes[wp.static(NEXT), 4 + c, place + j] = zero
+            else:
+                A.nodes[wp.static(NEXT), c, place + 4 + j] = near[j, c]
+                A.nodes[wp.static(NEXT), 4 + c, place + 4 + j] = far[j, c]
+    return wp.dot(r, G.last[i, k])
