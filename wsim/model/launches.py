@@ -1,8 +1,10 @@
-"""How a model's kernels are launched: at once, into a tape, or written down for one launch of many.
+"""How a model's kernels are launched: at once, into a tape, written down for one launch of many, or in a loop that the device
+counts.
 
     tape        `wsim.model.tape.Tape`, of recordings with gradients
     recorder    `wsim.physics.fused.recorder.Recorder`: nothing is launched, and what would be is written down
     fuser       `wsim.physics.fused.fuser.Fuser`, of explicit steps on a GPU: many substeps in one launch
+    Loop        substeps that launch the same: a graph has the launches of three of them, not of all
 """
 
 from __future__ import annotations
@@ -10,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
+
+from wsim.model.structs import filled, values
 
 
 class Launches:
@@ -123,3 +127,67 @@ class LaunchList:
     def launch(self) -> None:
         for each in self.each:
             each.launch()
+
+
+MANY = 1000              # launches of a frame from which substeps are a loop on the device: a GPU captures 30 in a millisecond
+PEELED = 3               # substeps whose launches the graph of a loop has
+
+
+def loop_of(plan) -> Loop | None:
+    """The loop of a plan's substeps; None where these differ from each other, or launch little."""
+    methods = [m for m in plan.methods if any(s.rate != "frame" for s in m.stages)]
+    if plan.model.fuser or plan.model.gradients or not all(m.alike for m in methods):
+        return None
+    launches = sum(row["launches"] for row in plan.table() if row["rate"] != "frame")
+    return Loop(plan.model, plan.clock) if plan.clock.substeps * launches > MANY else None
+
+
+class Loop:
+    """Substeps of a frame but the first and the last, as the body of a loop on the device. Tables with a row for each substep
+    are read by `Clock.read_rows`."""
+
+    def __init__(self, model: Launches, clock):
+        import warp as wp
+
+        from wsim.kernels.math import loop
+        self.model, self.clock, self.count, self.pick = model, clock, loop.count_substep(), loop.pick_rows()
+        model.modules[loop.MODULE] = model.block
+        self.number, self.going = (wp.zeros(1, dtype=int, device=model.device) for _ in range(2))
+        self.windows: dict[tuple, tuple] = {}              # by table and rows: table, window, both as whole numbers
+
+    def repeat(self, run: Callable[[int], Any], first: int, last: int) -> None:
+        """Calls `run(k)`, which launches substep k, for the first, the last and one for all between."""
+        import warp as wp
+        if last - first <= PEELED:
+            self.model.repeat(run, first, last)
+            return
+        run(first)
+        self.number.fill_(first + 1)
+        self.going.fill_(1)
+        self.clock.loop = self
+        try:
+            wp.capture_while(self.going, lambda: self._body(run, first + 1, last - 1))
+        finally:
+            self.clock.loop = None
+        run(last - 1)
+
+    def _body(self, run: Callable[[int], Any], k: int, last: int) -> None:
+        run(k)
+        self.model.launch(self.count, 1, [last], [self.number, self.going])
+
+    def rows(self, table, count: int):
+        """Rows of a table from that of the present substep on, in an array of their own."""
+        import warp as wp
+        key = table.ptr, table.shape, table.dtype, count
+        if key not in self.windows:
+            window = wp.zeros((count, *table.shape[1:]), dtype=table.dtype, device=table.device)
+            views = [wp.array(ptr=a.ptr, dtype=int, shape=(len(a), a.strides[0] // 4), device=a.device)
+                     for a in (table, window)]
+            self.windows[key] = table, window, *views
+        _, window, source, into = self.windows[key]
+        self.model.launch(self.pick, into.shape, [source, self.number], [into])
+        return window
+
+    def table(self, table, names: tuple[tuple[str, int], ...]):
+        """A struct of which the tables of these names are read likewise. names: with how many rows of each."""
+        return filled(type(table), **values(table) | {name: self.rows(getattr(table, name), count) for name, count in names})

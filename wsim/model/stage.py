@@ -42,11 +42,16 @@ class Clock:
     free: bool = False            # the frame has no contacts, see `wsim.physics.contact.clearance`
     after_free: bool = False      # the frame before had none, or left nothing near: no half step to go on from
     touching: bool = False        # every frame has contacts: what one world does must not depend on what others touch
+    loop: Any = None              # `wsim.model.launches.Loop` in whose body launches stand: then k is none's in particular
     apart: bool = False           # what would change the steps of all worlds for one raises `wsim.simulation.retry.Company`
 
     @property
     def h(self) -> float:
         return self.dt / self.substeps
+
+    def read_rows(self, table: Any, k: int, count: int = 1) -> tuple[Any, int]:
+        """A table with a row for each substep and the row k of this one, as kernels read them: `count` rows from there on."""
+        return (self.loop.rows(table, count), 0) if self.loop else (table, k)
 
     @property
     def halved(self) -> bool:
@@ -182,6 +187,7 @@ class Method:
     stages: list[Stage] = field(default_factory=list)
     subdivide: int = 1                                         # steps of its own in a substep, each all its phases
     moved: bool = False                                        # a frame has other launches than its graph from now on
+    alike: bool = False                                        # launches of substeps but the first and the last are the same
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
     offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
     by_world: bool = False                                     # `set` takes a `ByWorld` too

@@ -16,6 +16,7 @@ import numpy as np
 
 from wsim.kernels.math.real import ADJOINT
 from wsim.model import model as models
+from wsim.model.launches import PEELED, Loop, loop_of
 from wsim.model.midnodes import places
 from wsim.model.model import Model, edge_lengths
 from wsim.model.stage import FREE, MET, PHASES, Clock, Method, Methods, Stage
@@ -48,6 +49,7 @@ class Plan:
     skipped: list[dict] = field(default_factory=list)
     seconds: float = 0.0                     # that a frame is expected to take, see `wsim.simulation.cost`
     followed: dict = field(default_factory=dict)       # what varies in time, as set last, by path and name
+    loop: Loop | None = None                 # of substeps that launch the same
 
     @property
     def starts(self) -> bool:
@@ -59,7 +61,7 @@ class Plan:
         """Bytes that a graph of a frame among contacts takes on a CPU, which keeps the arguments of every launch."""
         rows = self.table()
         often, once = (sum(r["launches"] for r in rows if (r["rate"] == "frame") == frame) for frame in (False, True))
-        return 0.0 if self.model.device.is_cuda else LAUNCH * (once + self.clock.substeps * often)
+        return 0.0 if self.model.device.is_cuda else LAUNCH * (once + often * (PEELED if self.loop else self.clock.substeps))
 
     @property
     def fits(self) -> bool:
@@ -125,7 +127,7 @@ class Plan:
         for phase in PHASES[:-1] if first == 0 else ():
             for stage in self.stages(phase, "frame"):
                 stage.launch(clock)
-        self.model.repeat(self.substep, first, last)
+        (self.loop or self.model).repeat(self.substep, first, last)
         if last == clock.substeps:
             for stage in self.stages("deform", "frame"):
                 stage.launch(clock)
@@ -224,6 +226,7 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
                 cost.seconds(model, cost.frame(model, b.choice)))
     if model.fuser:
         model.fuser.prepare(plan)
+    plan.loop = loop_of(plan)
     return plan
 
 

@@ -36,6 +36,7 @@ from wsim.scene.values.table import FRICTION
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
+ROWS = (("pose", 2), ("step", 1), ("ball", 1), ("stride", 1))      # tables with a row for each substep, and rows that one reads
 MANY = 64              # balls of an object; a CPU core, 1024 points, ms a frame: 2.3 without a tree, 1.4 with; even at 24 balls
 
 
@@ -105,9 +106,8 @@ class Contacts:
         """Makes the kernel of the search, which reads lists of faces (`wsim.physics.contact.broad.listed`) or none."""
         self.search_kernel = search.search(self.kinds, self.real, self.module, self.tree is not None, listed)
 
-    def _array(self, values, dtype) -> wp.array:
-        given = values if isinstance(values, wp.array) else np.ascontiguousarray(values)
-        return given if isinstance(given, wp.array) else wp.array(given, dtype=dtype, device=self.device)
+    def _array(self, given, dtype) -> wp.array:
+        return given if isinstance(given, wp.array) else wp.array(np.ascontiguousarray(given), dtype=dtype, device=self.device)
 
     def _points(self, bodies: Bodies) -> None:
         t, p = self.types, kernels.tables(self.real)[1]()
@@ -221,23 +221,23 @@ class Contacts:
         self.table.friction.assign(self.friction.astype(self.dtype))
         return rows
 
-    def shape(self, k: int) -> None:
-        """Launches the shapes of meshes at the end of substep k, and the tree of that substep."""
+    def shape(self, k: int, loop=None) -> None:
+        """Launches the shapes of meshes at the end of substep k, and the tree of that substep. loop: as `search`."""
         for mesh in self.meshes.values():
             if mesh.moves:
-                mesh.launch(self.launch, self.pose_kernel, self.refit_kernel, k)
+                mesh.launch(self.launch, self.pose_kernel, self.refit_kernel, k, loop)
         if self.tree:
             self.tree.fit(self.launch, k)
 
-    def search(self, k: int, x: wp.array, d: wp.array, a: wp.array) -> None:
-        """Launches the search of substep k; writes d and a where points leave an overlap."""
-        self.adjoint.shaped(k) if self.recorded else self.shape(k)
+    def search(self, k: int, x: wp.array, d: wp.array, a: wp.array, loop=None) -> None:
+        """Launches the search of substep k; writes d and a where points leave an overlap. loop: as `Clock.loop`."""
+        self.adjoint.shaped(k) if self.recorded else self.shape(k, loop)
         if k == 1 and self.adjoint is None and "solid" in self.kinds:
             self.zero(self.table.deep)                   # what started inside is marked, and looked for as deep as before
         if self.search_kernel is None:
             self.searches()
-        at = self.read(x=x, d=d, a=a, k=k)
-        self.launch(self.search_kernel, self.count, [self.table, self.points, at], [self.slots, d, a, self.push, self.struck])
+        at, table = self.read(x=x, d=d, a=a, k=0 if loop else k), loop.table(self.table, ROWS) if loop else self.table
+        self.launch(self.search_kernel, self.count, [table, self.points, at], [self.slots, d, a, self.push, self.struck])
         if self.edges:
             self.edges.search(at, d, a)
 

@@ -105,10 +105,11 @@ class Mesh:
     def id(self) -> int:
         return int(self.device["mesh"].id)
 
-    def launch(self, launch: Callable, kernel, refit, k: int) -> None:
-        """The shape at the end of substep k, its motion and its tree; capturable. refit: None, or the kernel of a CPU."""
+    def launch(self, launch: Callable, kernel, refit, k: int, loop=None) -> None:
+        """The shape at the end of substep k, its motion and its tree; capturable. refit: None, or the kernel of a CPU; loop: as
+        `Clock.loop`."""
         mesh, track = self.device["mesh"], self.device["track"]
-        launch(kernel, track.shape[1], [track, k], [mesh.points, mesh.velocities])
+        launch(kernel, track.shape[1], [loop.rows(track, 2), 0] if loop else [track, k], [mesh.points, mesh.velocities])
         if refit is None:
             mesh.refit()
         else:

@@ -115,7 +115,11 @@ class Contact(Method):
             self.stages += self.bounce.stages
 
     def short(self, explicit: bool, edged: bool) -> None:
-        """Parts that explicit steps have, which are many and short, and contacts of edges."""
+        """Parts that explicit steps have, which are many and short, and contacts of edges. A loop on a GPU cannot fit the tree
+        of a mesh: Warp takes memory for that."""
+        c = self.contacts
+        fits = c.tree is not None or self.model.device.is_cuda and any(m.moves for m in c.meshes.values())
+        self.alike = self.movers is None and not edged and not fits
         if self.movers is None:
             self.contacts.smooth(self.model.scene, explicit)
         if explicit and self.contacts.meshes and not self.model.gradients:
@@ -150,7 +154,7 @@ class Contact(Method):
             self.movers.place(clock)
         if self.prolonged and self.prolonged.asked(clock):
             return self.prolonged.search(clock)
-        self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor)
+        self.contacts.search(clock.k, self.state.x, self.state.d, self.anchor, clock.loop)
         if self.movers:
             self.movers.listed(clock)
 

@@ -59,7 +59,7 @@ class Prolonged:
     def search(self, clock: Clock) -> None:
         """Contacts where the substep ends, as they are where it is solved for."""
         c, s, a = self.contacts, self.state, self.contact.anchor
-        c.search(clock.k, s.x, self.reach(), a)
+        c.search(clock.k, s.x, self.reach(), a, clock.loop)
         self.launch("begin", [c.slots, c.read(e=s.e, d=s.d, a=a), self.now], [s.d, a, self.was, self.now])
         self.ended = False
 

@@ -52,7 +52,7 @@ class Watch(Method):
 
     def __init__(self, model: Model, state: State, status: Status, explicit: bool = False):
         """explicit: the frame is in doubt, and not only reported."""
-        super().__init__("watch")
+        super().__init__("watch", alike=True)
         self.model, self.state, self.status, self.own = model, state, status, THROWN if explicit else LONG
         self.thrown_by: Clock | None = None            # of a midpoint whose middle is projected
         self.most = MOST

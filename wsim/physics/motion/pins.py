@@ -115,7 +115,7 @@ class Pins(Method):
 
     def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
         """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
-        super().__init__("pins")
+        super().__init__("pins", alike=points.integrator.solves == 1)
         self.model, self.state, self.points = model, state, points
         pins = pins_of(model)
         self.groups = {"hard": [p for p in pins if not isfinite(p.pin.stiffness)],
@@ -214,8 +214,8 @@ class Pins(Method):
         s = self.state
         solves = clock.integrator.solves
         row, part = (clock.k + clock.k // solves, 1.0) if solves > 1 else (clock.k, clock.part)
-        self.model.launch(self.move, self.place["hard"].size,
-                          [self.place["hard"], self.target["hard"], s.x, s.e, row, part], [s.d])
+        target, row = clock.read_rows(self.target["hard"], row)
+        self.model.launch(self.move, self.place["hard"].size, [self.place["hard"], target, s.x, s.e, row, part], [s.d])
 
     def put(self, clock: Clock) -> None:
         """Puts the points in their places behind the last stage of a step."""
@@ -231,9 +231,9 @@ class Pins(Method):
         if clock.i == 0:
             (self.model.tape or self.model).zero(self.lam)
         at = filled(kernels.states(self.model.real), x=s.x, d=s.d, a=self.points.anchor)
+        target, row = clock.read_rows(self.target["soft"], clock.k)
         for count, soft in self.turns:
-            self.model.launch(self.hold_kernel, count, [soft, self.target["soft"], at, self.lam, clock.k, clock.g],
-                              [s.d, self.lam])
+            self.model.launch(self.hold_kernel, count, [soft, target, at, self.lam, row, clock.g], [s.d, self.lam])
 
     def before_frame(self, time: float, clock: Clock) -> None:
         moves = self.moves

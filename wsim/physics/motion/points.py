@@ -133,7 +133,7 @@ class Points(Method):
         super().__init__("points", by_world=True)
         status.reserve(NOT_FINITE)
         self.model, self.state, self.status, self.struck = model, state, status, struck
-        self.integrator = integrator
+        self.integrator, self.alike = integrator, integrator.solves == 1 and not integrator.explicit
         self.densities: dict[int, float] = {}         # that were set, by number of the body
         self.loads: Any = None                        # the method that adds to gravity, see `wsim.physics.motion.loads`
         self.constants = self.tables()

@@ -62,6 +62,7 @@ class SelfContact(Method):
         b.status.reserve(SAID, cut.SAID)
         self.fast = fast.Fast(b.model, b.clock)
         self.strands = b.methods.find("strands")
+        self.alike = not self.strands
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
         self.obstacles = self.surfaces.obstacles
         start = reports(b.model, self.surfaces)

@@ -134,16 +134,19 @@ class Obstacles:
     def _goes(self, k: int) -> bool:
         return self.each[k].forms or bool(self.contacts.rows.colliders[self.each[k].number].motion.moves)
 
-    def _place(self, k: int, substep: int, part: float) -> None:
-        o = self.each[k]
+    def _place(self, k: int, substep: int, part: float, clock: Clock | None = None) -> None:
+        o, M = self.each[k], self.M[k]
         track = o.mesh.device["track"] if o.forms else self.track[k]
+        if clock:
+            track = clock.read_rows(track, substep, 2)[0] if o.forms else track
+            M, substep = clock.read_rows(M, substep, 2)
         begin = self.places[id(o)][0]
         arrays = [getattr(self.state, name)[begin:begin + len(self.own[k])] for name in "xda"]
-        self.model.launch(self.place, len(self.own[k]), [self.own[k], self.M[k], track, substep, part], arrays)
+        self.model.launch(self.place, len(self.own[k]), [self.own[k], M, track, substep, part], arrays)
 
     def move(self, clock: Clock) -> None:
         """Launches the ways of what moves in a substep; surfaces meet it where the substep ends."""
         part = 0.0 if clock.integrator.beyond else 1.0 - clock.g / clock.h
         for k in range(len(self.each)):
             if self._goes(k):
-                self._place(k, clock.k, part)
+                self._place(k, clock.k, part, clock)

@@ -39,7 +39,7 @@ class Xpbd(Method):
 
     def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
         """rows: constraints of all bodies."""
-        super().__init__("xpbd", by_world=True)
+        super().__init__("xpbd", by_world=True, alike=True)
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
         self.muscles: Any = None

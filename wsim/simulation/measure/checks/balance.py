@@ -49,7 +49,7 @@ def build(b) -> Balance | None:
 
 class Balance(Method):
     def __init__(self, b, terms: Terms, works: Works):
-        super().__init__("balance")
+        super().__init__("balance", alike=True)
         self.model, self.status, self.terms, self.clock = b.model, b.status, terms, b.clock
         self.works, self.reasons, self.iterates = works, Reasons(b, works), b.choice.solver in ("xpbd", "implicit")
         device, n = b.model.device, b.model.worlds

@@ -1,0 +1,79 @@
+"""Graphs of a run: how many are captured and why, and substeps that are a loop of the device."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.physics.selfcontact.rig import SOLVERS, crumple
+from wsim.model import launches
+from wsim.simulation import report
+from wsim.simulation.simulation import Simulation
+from wsim.usd import load
+
+SCENES = Path(__file__).parents[3] / "scenes"
+
+
+def rollers():
+    """Mesh colliders that turn, whose edges surfaces meet."""
+    return load(SCENES / "rollers.usda"), 3
+
+
+def cape():
+    """A mesh that joints deform, pins that move with it, wind."""
+    return load(SCENES / "bone_cape.usda"), 3
+
+
+def chart(soft: bool = False, integrator: str = "backward_euler"):
+    """Pins that move along curves."""
+    scene = load(SCENES / "easing_chart.usda")
+    scene.solver, scene.integrator, scene.substeps, scene.iterations = "xpbd", integrator, 24, 2
+    for pin in scene.pins if soft else ():
+        pin.stiffness, pin.damping = 500.0, 0.5
+    return scene, 5
+
+
+def crumpled(solver: str):
+    """A sheet that meets itself, with lists that grow."""
+    return crumple(2, 12, 8.0, **SOLVERS[solver]), 5
+
+
+LOOPED = {"mesh colliders": rollers, "deforming mesh": cape, "pins": chart, "soft pins": lambda: chart(True),
+          "bdf2": lambda: chart(False, "bdf2"), "midpoint": lambda: chart(False, "implicit_midpoint"),
+          "self-contact bdf2": lambda: crumpled("xpbd bdf2"), "self-contact": lambda: crumpled("xpbd")}
+
+
+@pytest.mark.parametrize("made", LOOPED.values(), ids=LOOPED)
+def test_substeps_in_a_loop_have_the_bits_of_substeps_one_by_one(made, monkeypatch):
+    """And a graph holds the launches of three of them."""
+    found, counts = [], []
+    launch = launches.Launches.launch
+    for many in (1 << 60, 0):
+        monkeypatch.setattr(launches, "MANY", many)
+        (scene, frames), count = made(), [0]
+
+        def counted(model, *given, count=count):
+            count[0] += 1
+            launch(model, *given)
+        monkeypatch.setattr(launches.Launches, "launch", counted)
+        sim = Simulation(scene, device="cpu")
+        sim.run(frames)
+        assert bool(sim.plan.loop) == (many == 0)
+        found.append(np.concatenate([sim.positions(b.path) for b in scene.bodies()]))
+        counts.append(count[0])
+    assert np.array_equal(*found) and counts[1] < 0.8 * counts[0]             # first frames of bdf2 have no graph
+
+
+def test_a_run_tells_when_and_why_it_captured():
+    scene = crumple(0, 8, 1.0, **SOLVERS["xpbd"])
+    sim = Simulation(scene, device="cpu")
+    sim.run(2)
+    sim.graphs.forget("a value was set")
+    sim.run(1)
+    told = sim.report()["captures"]
+    assert [(c["frame"], c["why"]) for c in told] == [(1, "the first frame with contacts"), (3, "a value was set")]
+    assert all(c["seconds"] > 0.0 for c in told)
+    late = [dict(told[0], frame=11, why="another solver"), *told]
+    assert "captured 3 times" in report.text(sim.report() | {"captures": late})
+    assert "1 of them after frame 10" in report.text(sim.report() | {"captures": late})
+    assert "frame 11, with contacts: another solver" in report.text(sim.report() | {"captures": late})
