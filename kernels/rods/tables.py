@@ -131,6 +131,11 @@ class Borne:
     rough: wp.array(dtype=int)                      # of worlds: those of `Coupled`
     count: wp.array(dtype=int)
     first: wp.array(dtype=int)                      # first body of each world, and their number, (worlds + 1,)
+    start: wp.array(dtype=int)                      # contacts of each body, and their number, (bodies + 1,)
+    slot: wp.array(dtype=int)                       # row * room + number of a contact, in the order of bodies
+    P: wp.array(dtype=wp.mat33d)                    # of D: inverse of its first block, its second, inverse of the rest
+    X: wp.array(dtype=wp.mat33d)
+    H: wp.array(dtype=wp.mat33d)
     y: wp.array2d(dtype=wp.vec3d)                   # motion [m] and turn [rad] of bodies, (bodies, 2)
     size: wp.array(dtype=wp.float64)                # radius of a body [m]: of one below an edge corrections are measured by it
     push: wp.array(dtype=wp.vec3d)                  # force on a point of bodies that move by y [N]

@@ -27,6 +27,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double3, kicked
 from wsim.kernels.rods.tables import Borne, Strands, Trial
+from wsim.kernels.rods.together.borne import pulled, pushed, solved
 from wsim.kernels.rods.together.coupled import ACTIVE, Coupled
 
 
@@ -45,9 +46,6 @@ class Carried:
     r: wp.array2d(dtype=wp.vec3d)                   # right-hand side
     z: wp.array2d(dtype=wp.vec3d)                   # correction
     last: wp.array2d(dtype=wp.vec3d)                # the last step
-    P: wp.array(dtype=wp.mat33d)                    # of D: inverse of its first block, its second, inverse of the rest
-    X: wp.array(dtype=wp.mat33d)
-    H: wp.array(dtype=wp.mat33d)
     begin: wp.array(dtype=wp.vec3d)                 # where a body's x is counted from [m]
     body: wp.array(dtype=int)                       # of a shape
     world: wp.array(dtype=int)                      # of a shape
@@ -56,8 +54,6 @@ class Carried:
     pose0: wp.array(dtype=wp.transformd)            # of a shape where the substep begins, and in the trial
     pose1: wp.array(dtype=wp.transformd)
     ball: wp.array(dtype=wp.vec4d)                  # middle in the trial, radius [m]
-    first: wp.array(dtype=int)                      # contacts of each body, and their number, (bodies + 1,)
-    slot: wp.array(dtype=int)                       # row * room + number of a contact
     strand: wp.array(dtype=int)                     # world of a strand
     stick: wp.array2d(dtype=wp.vec3d)               # of points: bristle [m], normal force of the substep before [N]
     load: wp.array2d(dtype=wp.float64)
@@ -94,12 +90,6 @@ def keys(module: str):
 def bodily(module: str):
     """Kernels over bodies: lean, forces and D where an iteration begins, and y = D^-1 b; cross, y = D^-1 sum J^T K p of motions
     p of points; measure, corrections; take, them or a part."""
-    @wp.func
-    def solved(W: Carried, i: int, u: wp.vec3d, a: wp.vec3d):
-        """D^-1 (u, a)."""
-        turn = W.H[i] * (a - wp.transpose(W.X[i]) * (W.P[i] * u))
-        return W.P[i] * (u - W.X[i] * turn), turn
-
     @wp.kernel(module=module, enable_backward=False)
     def lean_bodies(W: Carried, B: Borne, words: wp.array(dtype=int)):
         i = wp.tid()
@@ -110,9 +100,9 @@ def bodily(module: str):
         H = W.J[i] * (wp.float64(1.0) / hh)
         u = W.xi[i, 0] * (-W.m[i] / hh)
         a = W.J[i] * W.xi[i, 1] * (wp.float64(-1.0) / hh)
-        for j in range(W.first[i], W.first[i + 1]):
-            p = W.slot[j] / room
-            c = W.slot[j] - p * room
+        for j in range(B.start[i], B.start[i + 1]):
+            p = B.slot[j] / room
+            c = B.slot[j] - p * room
             K = B.K[p, c]
             r = wp.skew(B.arm[p, c])
             P += K
@@ -120,61 +110,47 @@ def bodily(module: str):
             H -= r * K * r
             u -= B.f[p, c]
             a -= wp.cross(B.arm[p, c], B.f[p, c])
-        if W.first[i + 1] > W.first[i]:
+        if B.start[i + 1] > B.start[i]:
             wp.atomic_max(words, ACTIVE, 1)
-        W.P[i] = wp.inverse(P)
-        W.X[i] = X
-        W.H[i] = wp.inverse(H - wp.transpose(X) * W.P[i] * X)
+        B.P[i] = wp.inverse(P)
+        B.X[i] = X
+        B.H[i] = wp.inverse(H - wp.transpose(X) * B.P[i] * X)
         W.r[i, 0] = u
         W.r[i, 1] = a
-        y, turn = solved(W, i, u, a)
+        y, turn = solved(B, i, u, a)
         B.y[i, 0] = y
         B.y[i, 1] = turn
         B.ahead[i] = wp.dot(u, W.last[i, 0]) + wp.dot(a, W.last[i, 1])
 
     @wp.func
-    def pulled(S: Strands, B: Borne, W: Carried, p: wp.array2d(dtype=wp.vec4d), i: int):
-        """sum J^T K p."""
-        room = B.body.shape[1]
-        m = S.points.shape[0]
+    def all_pulled(S: Strands, B: Borne, p: wp.array2d(dtype=wp.vec4d), i: int):
         u = wp.vec3d()
         a = wp.vec3d()
-        for j in range(W.first[i], W.first[i + 1]):
-            point = W.slot[j] / room
-            c = W.slot[j] - point * room
-            row = point / m
-            k = point - row * m
-            at = B.u[point, c]
-            move = wp.vec3d()
-            if S.hold[row, k] < 0:
-                move += wp.vec3d(p[row, k][0], p[row, k][1], p[row, k][2]) * (wp.float64(1.0) - at)
-            if at > wp.float64(0.0):
-                if S.hold[row + 1, k] < 0:
-                    move += wp.vec3d(p[row + 1, k][0], p[row + 1, k][1], p[row + 1, k][2]) * at
-            f = B.K[point, c] * move
+        for j in range(B.start[i], B.start[i + 1]):
+            f, turn = pulled(S, B, p, j)
             u += f
-            a += wp.cross(B.arm[point, c], f)
+            a += turn
         return u, a
 
     @wp.kernel(module=module, enable_backward=False)
-    def cross_bodies(S: Strands, G: Coupled, W: Carried, B: Borne):
+    def cross_bodies(S: Strands, G: Coupled, B: Borne):
         i = wp.tid()
-        u, a = pulled(S, B, W, G.p, i)
-        y, turn = solved(W, i, u, a)
+        u, a = all_pulled(S, B, G.p, i)
+        y, turn = solved(B, i, u, a)
         B.y[i, 0] = y
         B.y[i, 1] = turn
 
     @wp.kernel(module=module, enable_backward=False)
     def measure_bodies(S: Strands, T: Trial, W: Carried, B: Borne):
         i = wp.tid()
-        u, a = pulled(S, B, W, T.z, i)
-        y, turn = solved(W, i, W.r[i, 0] + u, W.r[i, 1] + a)
+        u, a = all_pulled(S, B, T.z, i)
+        y, turn = solved(B, i, W.r[i, 0] + u, W.r[i, 1] + a)
         W.z[i, 0] = y
         W.z[i, 1] = turn
         most = wp.float64(0.0)
-        for j in range(W.first[i], W.first[i + 1]):
-            point = W.slot[j] / B.body.shape[1]
-            most = wp.max(most, wp.length(y + wp.cross(turn, B.arm[point, W.slot[j] - point * B.body.shape[1]])))
+        for j in range(B.start[i], B.start[i + 1]):
+            point = B.slot[j] / B.body.shape[1]
+            most = wp.max(most, wp.length(y + wp.cross(turn, B.arm[point, B.slot[j] - point * B.body.shape[1]])))
         B.left[i] = most
         B.gain[i] = wp.dot(y, W.r[i, 0]) + wp.dot(turn, W.r[i, 1])
 
@@ -200,23 +176,9 @@ def bodily(module: str):
 @cache
 def pushing(module: str):
     """Kernel over points: forces of bodies that move by y, at their contacts and at those of the edges before them."""
-    @wp.func
-    def push(B: Borne, row: int, j: int):
-        body = B.body[row, j]
-        return B.K[row, j] * (B.y[body, 0] + wp.cross(B.y[body, 1], B.arm[row, j]))
-
     @wp.kernel(module=module, enable_backward=False)
     def push_points(B: Borne, strands: int):
-        p = wp.tid()
-        f = wp.vec3d()
-        for j in range(wp.min(B.many[p], B.body.shape[1])):
-            f += push(B, p, j) * (wp.float64(1.0) - B.u[p, j])
-        before = p - strands
-        if before >= 0:
-            for j in range(wp.min(B.many[before], B.body.shape[1])):
-                if B.u[before, j] > wp.float64(0.0):
-                    f += push(B, before, j) * B.u[before, j]
-        B.push[p] = f
+        B.push[wp.tid()] = pushed(B, strands, wp.tid())
 
     return push_points
 
@@ -227,9 +189,9 @@ def ends(real, module: str):
     t, Rig = types(real), whole(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def give_bodies(W: Carried, rig: Rig):
+    def give_bodies(W: Carried, B: Borne, rig: Rig):
         i = wp.tid()
-        if W.first[i + 1] == W.first[i] and wp.length_sq(W.xi[i, 0]) + wp.length_sq(W.xi[i, 1]) == wp.float64(0.0):
+        if B.start[i + 1] == B.start[i] and wp.length_sq(W.xi[i, 0]) + wp.length_sq(W.xi[i, 1]) == wp.float64(0.0):
             return
         p = double3(rig.now.p[i]) + W.xi[i, 0] * (W.m[i] * lasting(rig.b.drag[i], W.h) / W.h)
         L = double3(rig.now.L[i]) + W.J[i] * W.xi[i, 1] * (lasting(rig.b.spin_drag[i], W.h) / W.h)

@@ -26,6 +26,7 @@ class Team:
     nodes: wp.array3d(dtype=wp.float64)             # see `reduction.factor`
     work: wp.array(dtype=wp.float64)
     most: wp.array(dtype=int)                       # nodes of the longest strand of each world
+    sums: wp.array(dtype=wp.vec3d)                  # of worlds, see `coupled.judge`
     before: wp.array2d(dtype=wp.vec3d)              # places before a correction is taken [m]
     ids: wp.array(dtype=wp.vec4i)                   # points of pairs, and their weights; only where edges touch each other
     b: wp.array(dtype=wp.vec4d)

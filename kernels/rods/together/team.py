@@ -1,7 +1,8 @@
 """An iteration of Newton's method (kernels/rods/together/coupled.py) by a block of threads a world, for a GPU and few strands:
 `part_points` (kernels/rods/together/nodes.py) by a thread a point, then `correct_strands`, which sums a world's system, factors
 it by odd-even reduction (kernels/rods/together/reduction.py), goes through all rounds of conjugate gradients
-(kernels/rods/together/conjugate.py), judges the correction, and takes it.
+(kernels/rods/together/conjugate.py), judges the correction, and takes it; where rigid bodies are among the unknowns, a launch
+of its own does the latter, behind that which measures theirs.
 
 Sums over a world are made by its block, in one order. On a CPU one thread is a block, for tests. A thread a strand finds the
 same but for rounding.
@@ -17,24 +18,15 @@ import warp as wp
 from wsim.kernels.math.block import alone, meet
 from wsim.kernels.rods.system import turn_edge
 from wsim.kernels.rods.tables import Borne, Pressed, Strands, Trial
+from wsim.kernels.rods.together.borne import pulled, pushed, solved
 from wsim.kernels.rods.together.conjugate import GAIN, ROUNDS
 from wsim.kernels.rods.together.coupled import ACTIVE, GOING, Coupled, judge
 from wsim.kernels.rods.together.nodes import Team, assemble
 from wsim.kernels.rods.together.reduction import factor, solve
+from wsim.kernels.rods.together.warps import greatest, warp_sum
 from wsim.kernels.solver.pcg import total
 
 BLOCK = 256              # threads of a world on a GPU
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    for (unsigned k = 16; k > 0; k >>= 1) v = max(v, __shfl_xor_sync(0xffffffffu, v, k));
-#endif
-    return v;
-""")
-def greatest(v: wp.float64) -> wp.float64:
-    """The greatest of the threads of a warp, the same in each."""
-    ...
 
 
 @wp.func
@@ -77,14 +69,16 @@ def across(S: Strands, G: Coupled, P: Pressed, A: Team, i: int, k: int):
 
 
 @cache
-def correcting(threads: int, module: str):
-    """Kernel over threads of worlds. threads: of a block; 1 on a CPU."""
+def correcting(threads: int, bearing: bool, module: str):
+    """Kernels over threads of worlds: the correction; with `bearing`, rigid bodies, apart from it, what follows. threads: of a
+    block; 1 on a CPU."""
     together = alone if threads == 1 else meet
     width = min(threads, 32)
 
     @wp.func
-    def start(S: Strands, T: Trial, G: Coupled, P: Pressed, A: Team, lane: int, w: int):
-        """Systems of world w, factored, and the first correction; the force along the last step, whether pairs press, r . z."""
+    def start(S: Strands, T: Trial, G: Coupled, P: Pressed, A: Team, B: Borne, lane: int, w: int):
+        """Systems of world w, factored, and the first correction; the force along the last step, how many pairs press and
+        points touch bodies, r . z."""
         first = G.first[w]
         count = G.first[w + 1] - first
         all = count * S.length.shape[0]
@@ -95,8 +89,15 @@ def correcting(threads: int, module: str):
             k = first + t - i * count
             if i < S.points[k]:
                 ahead += assemble(S, G, A, i, k)
+                point = i * S.points.shape[0] + k
                 if A.many:
-                    active += activate(P, A, i * S.points.shape[0] + k)
+                    active += activate(P, A, point)
+                if wp.static(bearing):
+                    if B.near[w] == 1:
+                        active += B.many[point]
+                        if S.hold[i, k] < 0:
+                            f = B.push[point]
+                            G.r[i, k] = G.r[i, k] + wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
         together()
         factor(S.points, A.nodes, first, count, A.most[w])
         solve(S.points, A.nodes, A.work, G.r, T.z, first, count, A.most[w])
@@ -113,8 +114,29 @@ def correcting(threads: int, module: str):
         return total(ahead), total(wp.float64(active)), total(rho)
 
     @wp.func
-    def go_round(S: Strands, T: Trial, G: Coupled, P: Pressed, A: Team, rho: wp.float64, lane: int, w: int):
-        """A round of conjugate gradients; r . z, and the length of its step."""
+    def give_way(S: Strands, G: Coupled, B: Borne, lane: int, w: int):
+        """What bodies of world w give way as points are moved by G.p, a warp a body."""
+        for i in range(B.first[w] + lane / wp.static(width), B.first[w + 1], wp.static(threads // width)):
+            u = wp.vec3d()
+            a = wp.vec3d()
+            for j in range(B.start[i] + lane % wp.static(width), B.start[i + 1], wp.static(width)):
+                f, turn = pulled(S, B, G.p, j)
+                u += f
+                a += turn
+            u, a = solved(B, i, warp_sum(u), warp_sum(a))
+            if lane % wp.static(width) == 0:
+                B.y[i, 0] = u
+                B.y[i, 1] = a
+
+    @wp.func
+    def go_round(S: Strands, T: Trial, G: Coupled, P: Pressed, A: Team, B: Borne, rho: wp.float64, at: wp.vec2i):
+        """A round of conjugate gradients of the world at[1], by its thread at[0]; r . z, and the length of its step."""
+        lane = at[0]
+        w = at[1]
+        if wp.static(bearing):
+            if B.near[w] == 1:
+                give_way(S, G, B, lane, w)
+                together()
         first = G.first[w]
         count = G.first[w + 1] - first
         all = count * S.length.shape[0]
@@ -124,6 +146,10 @@ def correcting(threads: int, module: str):
             k = first + t - i * count
             if i < S.points[k]:
                 q = G.w[i, k] + across(S, G, P, A, i, k)
+                if wp.static(bearing):
+                    if B.near[w] == 1 and S.hold[i, k] < 0:
+                        f = pushed(B, S.points.shape[0], i * S.points.shape[0] + k)
+                        q = q - wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
                 G.q[i, k] = q
                 sum += wp.dot(q, G.p[i, k])
         sum = total(sum)
@@ -209,6 +235,16 @@ def correcting(threads: int, module: str):
                 turn_edge(S, T, A.before[i + 1, k] - A.before[i, k], T.x[i + 1, k] - T.x[i, k], T.z[i + 1, k] - T.z[i, k],
                           T.z[i, k][3] * move, i, k)
 
+    @wp.func
+    def conclude(S: Strands, T: Trial, G: Coupled, A: Team, B: Borne, words: wp.array(dtype=int), lane: int, w: int):
+        """Judges the correction of world w, and takes it."""
+        if lane == 0:
+            judge(G, B, A.sums[w], w)
+            if G.on[w] == 1:
+                wp.atomic_max(words, GOING, 1)
+        together()
+        take(S, T, G, A, lane, w)
+
     @wp.kernel(module=module, enable_backward=False, launch_bounds=threads)
     def correct_strands(S: Strands, T: Trial, G: Coupled, P: Pressed, A: Team, B: Borne, words: wp.array(dtype=int)):
         w = wp.tid() / wp.static(threads)
@@ -219,14 +255,14 @@ def correcting(threads: int, module: str):
             if lane == 0:
                 G.on[w] = 0
             return
-        ahead, active, rho = start(S, T, G, P, A, lane, w)
+        ahead, active, rho = start(S, T, G, P, A, B, lane, w)
         rounds = int(0)
-        pressed = active > wp.float64(0.0) and words[ACTIVE] == 1       # else N is of an earlier list
+        pressed = active > wp.float64(0.0) and words[ACTIVE] == 1          # else the list's N are of an earlier one
         least = GAIN * rho
         turning = pressed and rho > wp.float64(0.0)
         while turning:
             together()
-            sum, alpha = go_round(S, T, G, P, A, rho, lane, w)
+            sum, alpha = go_round(S, T, G, P, A, B, rho, wp.vec2i(lane, w))
             rounds += 1
             turning = sum > least and rounds < ROUNDS and alpha != wp.float64(0.0)
             if turning:
@@ -239,10 +275,20 @@ def correcting(threads: int, module: str):
             z = wp.float64(0.0)
             for k in range(G.first[w], G.first[w + 1]):
                 z = wp.max(z, G.left[k])
-            judge(G, B, wp.vec3d(z, ahead, gain), w)
-            if G.on[w] == 1:
-                wp.atomic_max(words, GOING, 1)
-        together()
-        take(S, T, G, A, lane, w)
+            A.sums[w] = wp.vec3d(z, ahead, gain)
+        if not wp.static(bearing):
+            conclude(S, T, G, A, B, words, lane, w)
 
-    return correct_strands
+    if not bearing:
+        return correct_strands, None
+
+    @wp.kernel(module=module, enable_backward=False, launch_bounds=threads)
+    def conclude_strands(S: Strands, T: Trial, G: Coupled, A: Team, B: Borne, words: wp.array(dtype=int)):
+        w = wp.tid() / wp.static(threads)
+        lane = wp.tid() - w * wp.static(threads)
+        on = G.on[w]
+        together()
+        if on == 1:
+            conclude(S, T, G, A, B, words, lane, w)
+
+    return correct_strands, conclude_strands

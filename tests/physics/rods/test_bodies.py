@@ -5,6 +5,7 @@ import pytest
 
 from tests.physics.rods.rig import simulated
 from wsim.physics.rigid.objects import Body
+from wsim.physics.rods import together
 from wsim.physics.rods.objects import Rods
 from wsim.scene import Box, Collider, Motion, Scene
 from wsim.scene.check.scene import check
@@ -168,3 +169,19 @@ def test_nothing_of_it_is_built_without_bodies():
     scene.add(Rods("/rope", line(5, 0.2), [5], THICK))
     simulation, method = simulated(scene)
     assert method.touching is None and "cling" not in method.part.arrays
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("on", [False, True])
+def test_a_block_of_threads_finds_what_a_thread_a_strand_does_with_bodies(on, monkeypatch):
+    """A box that is thrown at a rope: iterations end at 1e-6 of an edge of 4 cm, in each of 16 substeps."""
+    def places(team: bool) -> tuple[np.ndarray, np.ndarray, bool]:
+        monkeypatch.setattr(together, "TEAM", team)
+        simulation, method = simulated(thrown(0.2, on))
+        simulation.run(4)
+        rigid = simulation.plan.method("rigid")
+        return method.points(0)[0], rigid.velocities(), bool(rigid.velocities()[0, 1] > -9.9)
+    one, other = places(True), places(False)
+    assert one[2] and other[2]                                                        # they met
+    assert np.abs(one[0] - other[0]).max() < 16 * 1e-6 * 0.04
+    assert np.abs(one[1] - other[1]).max() < 16 * 1e-6 * 0.04 * 240.0

@@ -83,11 +83,10 @@ class Bodies:
             strands.Carried, begin=up(self.rigid.origin, wp.vec3d), body=up(np.array([k for k, *_ in owners], np.int32), int),
             world=up(np.array([w for _, w, _ in owners], np.int32), int), place=up(places, wp.transformd),
             size=up(balls, wp.vec4d), strand=self.together.group.world, m=zeros(wp.float64, n), J=zeros(wp.mat33d, n),
-            first=zeros(int, n + 1), ball=zeros(wp.vec4d, shapes),
+            ball=zeros(wp.vec4d, shapes),
             **{f"{name}{key}": part[f"{field}{key}"].reshape(two) for key in ("", "1", "2")
                for name, field in (("stick", "cling"), ("load", "bears"))},
-            **{name: zeros(wp.vec3d, n) for name in ("c0", "c1")},
-            **{name: zeros(wp.quatd, n) for name in ("q0", "q1")}, **{name: zeros(wp.mat33d, n) for name in ("P", "X", "H")},
+            **{name: zeros(wp.vec3d, n) for name in ("c0", "c1")}, **{name: zeros(wp.quatd, n) for name in ("q0", "q1")},
             **{name: zeros(wp.vec3d, n, 2) for name in ("xi", "r", "z", "last")},
             **{name: zeros(wp.transformd, shapes) for name in ("pose0", "pose1")})
         size = np.full(n, np.inf)
@@ -96,11 +95,12 @@ class Bodies:
         first = np.searchsorted(worlds, np.arange(s.model.worlds + 1)).astype(np.int32)
         points, sites = self.ground.points, int(strand_contacts.SITES)
         self.borne = filled(
-            Borne, first=up(first, int), size=up(size, wp.float64), near=zeros(int, s.model.worlds),
+            Borne, first=up(first, int), start=zeros(int, n + 1), size=up(size, wp.float64), near=zeros(int, s.model.worlds),
             rough=self.together.group.rough, count=self.together.group.count,
             y=zeros(wp.vec3d, n, 2), many=zeros(int, points), push=zeros(wp.vec3d, points), s=zeros(wp.vec3d, points, sites),
             **{name: zeros(wp.float64, points, sites) for name in ("N", "deep", "load")},
-            **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")})
+            **{name: zeros(wp.float64, n) for name in ("left", "ahead", "gain")},
+            **{name: zeros(wp.mat33d, n) for name in ("P", "X", "H")})
         self.word = zeros(int, 1)
         for name, kind in (("lift", wp.vec3d), ("firm", wp.mat33d), ("bridge", wp.mat33d)):
             setattr(s.trial, name, zeros(kind, *two))
@@ -115,12 +115,12 @@ class Bodies:
 
     def room(self) -> None:
         """Arrays of contacts, `depth` of a point and the edge behind it."""
-        points, B, W, device = self.ground.points, self.borne, self.carried, self.ground.device
+        points, B, device = self.ground.points, self.borne, self.ground.device
         for name, kind in (("body", int), ("u", wp.float64), ("arm", wp.vec3d), ("f", wp.vec3d), ("K", wp.mat33d)):
             setattr(B, name, wp.zeros((points, self.depth), dtype=kind, device=device))
         self.count = points * self.depth
-        self.numbers, W.slot = (wp.zeros(2 * self.count, dtype=int, device=device) for _ in range(2))
-        wp.utils.radix_sort_pairs(self.numbers, W.slot, self.count)      # takes its memory, which a capture cannot
+        self.numbers, B.slot = (wp.zeros(2 * self.count, dtype=int, device=device) for _ in range(2))
+        wp.utils.radix_sort_pairs(self.numbers, B.slot, self.count)      # takes its memory, which a capture cannot
 
     # a substep
 
@@ -159,9 +159,9 @@ class Bodies:
         t, W, B, n = self.together, self.carried, self.borne, len(self.rigid.bodies)
         self._points()
         self.launch(self.gathering, self.ground.points, [t.strands.strands, W, B], [t.strands.trial])
-        self.launch(self.keys, self.count, [B, n], [self.numbers, W.slot])
-        wp.utils.radix_sort_pairs(self.numbers, W.slot, self.count)
-        self.launch(self.bounds, n + 1, [self.numbers, self.count], [W.first])
+        self.launch(self.keys, self.count, [B, n], [self.numbers, B.slot])
+        wp.utils.radix_sort_pairs(self.numbers, B.slot, self.count)
+        self.launch(self.bounds, n + 1, [self.numbers, self.count], [B.start])
 
     def _points(self) -> None:
         t, s = self.together, self.together.strands
@@ -175,7 +175,7 @@ class Bodies:
     def cross(self) -> None:
         """What bodies give way as points are moved by G.p."""
         t = self.together
-        wp.capture_if(self.word, lambda: self.moved(self.crossing, t.strands.strands, t.group, self.carried, self.borne))
+        wp.capture_if(self.word, lambda: self.moved(self.crossing, t.strands.strands, t.group, self.borne))
 
     def measure(self) -> None:
         """Corrections of bodies."""
@@ -191,7 +191,7 @@ class Bodies:
 
     def give(self) -> None:
         """Momenta of bodies."""
-        wp.capture_if(self.word, lambda: self.over(self.giving, self.carried, self.rigid.contacts.rig()))
+        wp.capture_if(self.word, lambda: self.over(self.giving, self.carried, self.borne, self.rigid.contacts.rig()))
 
     def hold(self) -> None:
         """What points and edges remember of a substep."""

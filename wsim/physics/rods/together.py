@@ -44,13 +44,13 @@ class Ground(Launches):
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device)
 
 
-TEAM: bool | None = None      # a block of threads a world; None: on a GPU, of fewer than FEW strands that meet no bodies
+TEAM: bool | None = None      # a block of threads a world; None: on a GPU, of fewer than FEW strands
 FEW = 512                     # strands: with as many, a thread each costs no more than a block for all
 
 
-def teams(table, worlds: int, bodies: bool, device) -> bool:
+def teams(table, worlds: int, device) -> bool:
     """True if a block of threads a world solves its strands, False: a thread a strand."""
-    return not bodies and (device.is_cuda and table.strands < FEW * worlds if TEAM is None else TEAM)
+    return device.is_cuda and table.strands < FEW * worlds if TEAM is None else TEAM
 
 
 class Together:
@@ -76,26 +76,26 @@ class Together:
         self.often, self.fresh = False, True
         self._coupled(worlds)
         self.team: Any = None
-        if teams(t, worlds, bodies, device):
-            self._team(names, module, device)
+        if teams(t, worlds, device):
+            self._team(names, module, device, bodies)
             return
         self.assemble, self.measure, self.judge, self.take = coupled.newton(names, strands.airy, module)
         (self.carry, self.start, self.apply, self.length, self.step, self.turn, self.aim, self.finish) = conjugate.gradients(
             module)
 
-    def _team(self, names: tuple[str, ...], module: str, device) -> None:
+    def _team(self, names: tuple[str, ...], module: str, device, bodies: bool) -> None:
         """Tables of blocks of threads that solve a world each."""
         t, zeros, worlds = self.table, self.zeros, self.ground.worlds
         self.threads = team.BLOCK if device.is_cuda else 1
         self.part = nodes.parting(names, self.strands.airy, module)
-        self.correct = team.correcting(self.threads, self.ground.module_of(self.threads, "team"))
+        self.correct, self.conclude = team.correcting(self.threads, bodies, self.ground.module_of(self.threads, "team"))
         two, size = (t.longest, t.strands), SIZE * ((t.longest + 1) // 2) * t.strands
         most = np.zeros(worlds, np.int32)
         np.maximum.at(most, self.worlds_of, ((t.counts + 1) // 2).astype(np.int32))
         self.team = filled(
             nodes.Team, parts=zeros((6, *two), dtype=wp.mat44d), sides=zeros((3, *two), dtype=wp.vec4d),
             nodes=zeros((MATRICES, SIZE, size), dtype=wp.float64), work=zeros(2 * size, dtype=wp.float64),
-            most=self.ground.upload(most, int), before=zeros(two, dtype=wp.vec3d))
+            most=self.ground.upload(most, int), sums=zeros(worlds, dtype=wp.vec3d), before=zeros(two, dtype=wp.vec3d))
 
     def _coupled(self, worlds: int) -> None:
         t, zeros = self.table, self.zeros
@@ -195,12 +195,20 @@ class Together:
 
     def newton_of_teams(self, k: int) -> None:
         """One iteration, a block of threads a world."""
-        s, G, T = self.strands, self.group, self.strands.trial
+        s, G, T, launch = self.strands, self.group, self.strands.trial, self.ground.launch_blocks
         self.lean()
+        if self.bodies:
+            self.bodies.meet()
         self.points(self.part, [s.strands, s.obstacles.table, self.motion, T, G, self.team, filled(Step, h=self.h, at=k)],
                     [self.words])
-        self.ground.launch_blocks(self.correct, self.ground.worlds, self.threads,
-                                  [s.strands, T, G, self.pressed, self.team, self.borne], [self.words])
+        if self.bodies:
+            self.bodies.lean()
+        launch(self.correct, self.ground.worlds, self.threads, [s.strands, T, G, self.pressed, self.team, self.borne],
+               [self.words])
+        if self.bodies:
+            self.bodies.measure()
+            launch(self.conclude, self.ground.worlds, self.threads, [s.strands, T, G, self.team, self.borne], [self.words])
+            self.bodies.take()
 
     def newton(self, k: int) -> None:
         """One iteration."""
