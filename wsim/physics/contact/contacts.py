@@ -225,7 +225,7 @@ class Contacts:
         """Launches the shapes of meshes at the end of substep k, and the tree of that substep. loop: as `search`."""
         for mesh in self.meshes.values():
             if mesh.moves:
-                mesh.launch(self.launch, self.pose_kernel, self.refit_kernel, k, loop)
+                mesh.launch(self, k, loop)
         if self.tree:
             self.tree.fit(self.launch, k)
 

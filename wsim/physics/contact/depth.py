@@ -47,6 +47,9 @@ def by_device(contacts: "Contacts", x) -> dict[str, float]:
     c, t = contacts, types(contacts.real)
     module = f"wsim_inside_{'_'.join(c.kinds)}_{t.name}"
     gauge, sink = (make(c.kinds, c.real, module) for make in (penetration.gauge, penetration.sink))
+    for mesh in c.meshes.values():
+        if mesh.moves:
+            mesh.device["mesh"].refit()                  # winding numbers: substeps may have left them out
     lanes = min(LANES, max(c.count, 1))
     near, count, deep = (wp.zeros(lanes, dtype=kind, device=c.device) for kind in (t.vec2, int, c.real))
     kernel_cache.load(gauge.module, c.device)

@@ -105,12 +105,15 @@ class Mesh:
     def id(self) -> int:
         return int(self.device["mesh"].id)
 
-    def launch(self, launch: Callable, kernel, refit, k: int, loop=None) -> None:
-        """The shape at the end of substep k, its motion and its tree; capturable. refit: None, or the kernel of a CPU; loop: as
-        `Clock.loop`."""
+    def launch(self, of, k: int, loop=None) -> None:
+        """The shape at the end of substep k, its motion and its tree; capturable. of: `wsim.physics.contact.contacts.Contacts`,
+        which has a kernel for the tree on a CPU; loop: as `Clock.loop`."""
         mesh, track = self.device["mesh"], self.device["track"]
-        launch(kernel, track.shape[1], [loop.rows(track, 2), 0] if loop else [track, k], [mesh.points, mesh.velocities])
-        if refit is None:
+        of.launch(of.pose_kernel, track.shape[1], [loop.rows(track, 2), 0] if loop else [track, k],
+                  [mesh.points, mesh.velocities])
+        if of.refit_kernel is None:
             mesh.refit()
         else:
-            launch(refit, 1, [ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value, mesh.id], [])
+            function = ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value
+            asked = [int(of.adjoint is not None), of.table.deep, of.mark]         # winding numbers
+            of.launch(of.refit_kernel, 1, [function, mesh.id, *asked], [])
