@@ -1,11 +1,17 @@
 """Skinned points on the device: those of the host's formulas, of UsdSkel and of closed forms."""
 
+import ctypes
+
 import numpy as np
 import pytest
+import warp as wp
 
 import wsim
 from tests.physics.animation.make import CHARACTERS, bones, lump, scene_of, skin, theirs, worn
 from wsim.geometry import rotation
+from wsim.geometry.triangulate import triangulate
+from wsim.kernels.animation import deformed
+from wsim.kernels.contact.project import SUNK
 from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import DUAL, LINEAR, Skeleton, Skinned
 from wsim.scene import Scene, Surface, shapes
@@ -158,3 +164,40 @@ def test_the_velocity_of_a_skinned_collider_carries_what_lies_on_it():
     sim.run(12)
     assert abs(sim.velocities("/sheet")[:, 0].mean() - 0.5) < 0.01
     assert abs(sim.positions("/sheet")[:, 0].mean() - cloth.points[:, 0].mean() - 0.25) < 0.02
+
+
+@wp.kernel(module="test_refit")
+def nearest_faces(mesh: wp.uint64, q: wp.array(dtype=wp.vec3f), way: wp.array(dtype=wp.vec3f), out: wp.array(dtype=wp.vec4f)):
+    i = wp.tid()
+    near = wp.mesh_query_point_sign_normal(mesh, q[i], 10.0)
+    wound = wp.mesh_query_point_sign_winding_number(mesh, q[i], 10.0)
+    ray = wp.mesh_query_ray(mesh, q[i], wp.normalize(way[i]), 10.0)
+    out[i] = wp.vec4f(float(near.face), near.sign, wound.sign, ray.t)
+
+
+@pytest.mark.parametrize("asked", ["nothing", "always", "deep", "marked"])
+def test_a_tree_that_a_substep_refits_finds_what_warps_refit_finds(asked):
+    """Faces, sides by normals and rays in any case; winding numbers where something asks for them."""
+    rng = np.random.default_rng(5)
+    points, counts, indices = shapes.sphere(0.3, 12)
+    corners = triangulate(points, counts, indices, True)[0].astype(np.int32)
+    q, way = (wp.array(rng.normal(size=(300, 3)) * 0.4, dtype=wp.vec3f, device="cpu") for _ in range(2))
+    moved = (points * [1.0, 3.0, 0.4] + 0.05 * np.sin(9.0 * points[:, [1, 2, 0]])).astype(np.float32)
+    found = []
+    for own in (False, True):
+        places = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cpu")
+        mesh = wp.Mesh(places, wp.array(corners.ravel(), dtype=int, device="cpu"), support_winding_number=True)
+        places.assign(moved)
+        if own:
+            function = ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value
+            deep, mark = (wp.array([value], dtype=int, device="cpu") for value in (
+                int(asked == "deep"), int(SUNK) * (asked == "marked")))
+            wp.launch(deformed.refit("test_refit_own"), 1, [function, mesh.id, int(asked == "always"), deep, mark], [],
+                      device="cpu")
+        else:
+            mesh.refit()
+        out = wp.zeros(300, dtype=wp.vec4f, device="cpu")
+        wp.launch(nearest_faces, 300, [mesh.id, q, way], [out], device="cpu")
+        found.append(out.numpy())
+    same = found[0] == found[1]
+    assert same[:, [0, 1, 3]].all() and (asked == "nothing" or same[:, 2].all())

@@ -28,7 +28,7 @@ from wsim.kernels.contact.collide import code
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
 from wsim.physics.contact.colliders import Rows, check
-from wsim.physics.contact.mesh import Mesh
+from wsim.physics.contact.mesh import Mesh, deforming
 from wsim.physics.contact.poses import Poses
 from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface
 from wsim.scene.solids import SOLIDS
@@ -98,9 +98,7 @@ class Contacts:
         self.module = module
         self.project_kernel = kernels.project(self.real, module)
         self.settle_kernel = kernels.settle(self.real, module) if multistep else None
-        moving = any(m.moves for m in self.meshes.values())
-        self.pose_kernel = search.pose_mesh(module) if moving else None
-        self.refit_kernel = search.refit(module) if moving and self.device.is_cpu else None
+        self.pose_kernel, self.refit_kernel = deforming(self.meshes.values(), module, self.device.is_cpu)
 
     def searches(self, listed: bool = False) -> None:
         """Makes the kernel of the search, which reads lists of faces (`wsim.physics.contact.broad.listed`) or none."""

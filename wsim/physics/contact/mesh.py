@@ -6,7 +6,6 @@ sides.
 """
 
 import ctypes
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -117,3 +116,11 @@ class Mesh:
             function = ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value
             asked = [int(of.adjoint is not None), of.table.deep, of.mark]         # winding numbers
             of.launch(of.refit_kernel, 1, [function, mesh.id, *asked], [])
+
+
+def deforming(meshes, module, cpu: bool) -> tuple:
+    """(kernel of shapes, kernel of trees on a CPU) for those of the meshes that deform; None where there are none."""
+    if not any(mesh.moves for mesh in meshes):
+        return None, None
+    from wsim.kernels.animation import deformed
+    return deformed.pose_mesh(module), deformed.refit(module) if cpu else None
