@@ -15,8 +15,7 @@ from wsim.kernels.rods.tables import Strands, Trial
 
 @wp.struct
 class Window:
-    """Blocks of three points in a row: diagonal, between the first and the second or third, second and third; right sides;
-    tangents and lengths [m] of the edges between them, which are not moved on."""
+    """Blocks of three points in a row: diagonal, between the first and the second or third, second and third; right sides."""
 
     D0: wp.mat44d
     D1: wp.mat44d
@@ -27,10 +26,6 @@ class Window:
     r0: wp.vec4d
     r1: wp.vec4d
     r2: wp.vec4d
-    t0: wp.vec3d
-    t1: wp.vec3d
-    l0: wp.float64
-    l1: wp.float64
 
 
 @wp.func

@@ -192,45 +192,13 @@ def pointing(kinds: tuple[str, ...], airy: bool, pressed: bool):
 
 
 @cache
-def edging(kinds: tuple[str, ...], airy: bool, pressed: bool):
-    """Function (S, C, Q, T, p, w, i, k): the window with what the edge behind point i, its first, gives."""
-    meets = bool(kinds)
-    clear, touch = (inside(kinds).clear, inside(kinds).touch) if meets else (None, None)
-
-    @wp.func
-    def edge(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, w: Window, i: int, k: int):
-        w = stretch(S, T, w, w.t0, w.l0, drawn(S, Q, T, p, w.t0, w.l0, i, k), i, k)
-        if wp.static(meets):
-            if (S.hold[i, k] < 0 or S.hold[i + 1, k] < 0) and not clear(C, S, T, p.at, i, k):
-                w = lean(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
-        if wp.static(airy):
-            f, K = blow(S, Q, T, p, i, k)
-            w = push(S, w, f, K, i, k)
-        if wp.static(pressed):
-            w.P = add(w.P, T.along[i, k])
-            if T.bridge:
-                w.P = add(w.P, T.bridge[i, k])
-        return w
-
-    return edge
-
-
-@wp.func
-def bent(S: Strands, Q: Motion, T: Trial, p: Step, w: Window, i: int, k: int):
-    """The window with bending and twisting at point i, its middle one."""
-    if S.clamped[i - 1, k] + S.clamped[i, k] < 2:
-        s = strains(w.t0, w.t1, wp.max(w.l0, TINY), wp.max(w.l1, TINY), T.d[i - 1, k], T.d[i, k], T.phi[i, k])
-        T.phi[i, k] = s.s[2]
-        w = flex(S, w, s, strained(S, Q, T, p, s, i, k), gain(S, Q, p.h, i - 1, i + 1, k), i, k)
-    return w
-
-
-@cache
 def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
     """Function (S, C, Q, T, p, k): assembles and eliminates, from the first point to the last. kinds: of colliders. airy: there
     is air (S.wind and below). pressed: other edges press (T.press, T.stiff, T.along), and T.pivot and T.b (eliminated on) are
     left for more right-hand sides."""
-    eliminate, point, edge = eliminating(pressed), pointing(kinds, airy, pressed), edging(kinds, airy, pressed)
+    eliminate, point = eliminating(pressed), pointing(kinds, airy, pressed)
+    meets = bool(kinds)
+    clear, touch = (inside(kinds).clear, inside(kinds).touch) if meets else (None, None)
 
     @wp.func
     def forward(S: Strands, C: Colliders, Q: Motion, T: Trial, p: Step, k: int):
@@ -245,16 +213,27 @@ def forward(kinds: tuple[str, ...], airy: bool, pressed: bool = False):
             w.D2 = D
             w.r2 = r
             if i >= 0 and i + 1 < n:
-                w.t0 = t0
-                w.l0 = l0
-                w = edge(S, C, Q, T, p, w, i, k)
+                w = stretch(S, T, w, t0, l0, drawn(S, Q, T, p, t0, l0, i, k), i, k)
+                if wp.static(meets):
+                    if (S.hold[i, k] < 0 or S.hold[i + 1, k] < 0) and not clear(C, S, T, p.at, i, k):
+                        w = lean(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
+                if wp.static(airy):
+                    f, K = blow(S, Q, T, p, i, k)
+                    w = push(S, w, f, K, i, k)
+                if wp.static(pressed):
+                    w.P = add(w.P, T.along[i, k])
+                    if T.bridge:
+                        w.P = add(w.P, T.bridge[i, k])
             if i >= 0 and i + 2 < n:
                 e = T.x[j, k] - T.x[i + 1, k]
-                l0 = wp.length(e)
-                t0 = e / wp.max(l0, TINY)
-                w.t1 = t0
-                w.l1 = l0
-                w = bent(S, Q, T, p, w, i + 1, k)
+                l1 = wp.length(e)
+                t1 = e / wp.max(l1, TINY)
+                if S.clamped[i, k] + S.clamped[i + 1, k] < 2:
+                    s = strains(t0, t1, wp.max(l0, TINY), wp.max(l1, TINY), T.d[i, k], T.d[i + 1, k], T.phi[i + 1, k])
+                    T.phi[i + 1, k] = s.s[2]
+                    w = flex(S, w, s, strained(S, Q, T, p, s, i + 1, k), gain(S, Q, p.h, i, i + 2, k), i + 1, k)
+                l0 = l1
+                t0 = t1
             w = eliminate(T, w, i, k)
 
     return forward

@@ -9,9 +9,12 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.rods.air import blow
 from wsim.kernels.rods.contact import TINY, Colliders
+from wsim.kernels.rods.edges.inside import inside
 from wsim.kernels.rods.eliminate import Window
-from wsim.kernels.rods.system import bent, edging, pointing
+from wsim.kernels.rods.forces import drawn, gain, strained
+from wsim.kernels.rods.system import add, flex, lean, pointing, push, strains, stretch
 from wsim.kernels.rods.tables import Motion, Step, Strands, Trial
 from wsim.kernels.rods.together.coupled import GOING, Coupled
 from wsim.kernels.rods.together.reduction import NEXT, OWN
@@ -37,7 +40,8 @@ class Team:
 @cache
 def parting(kinds: tuple[str, ...], airy: bool, module: str):
     """Kernel over points: their parts of the blocks. kinds: of colliders. airy: with air."""
-    point, edge = pointing(kinds, airy, True), edging(kinds, airy, True)
+    point, meets = pointing(kinds, airy, True), bool(kinds)
+    clear, touch = (inside(kinds).clear, inside(kinds).touch) if meets else (None, None)
 
     @wp.kernel(module=module, enable_backward=False)
     def part_points(S: Strands, C: Colliders, Q: Motion, T: Trial, G: Coupled, A: Team, p: Step, words: wp.array(dtype=int)):
@@ -54,14 +58,25 @@ def parting(kinds: tuple[str, ...], airy: bool, module: str):
         w.r0 = r
         if i + 1 < S.points[k]:
             e0 = T.x[i + 1, k] - T.x[i, k]
-            w.l0 = wp.length(e0)
-            w.t0 = e0 / wp.max(w.l0, TINY)
-            w = edge(S, C, Q, T, p, w, i, k)
-            if i + 2 < S.points[k]:
+            l0 = wp.length(e0)
+            t0 = e0 / wp.max(l0, TINY)
+            w = stretch(S, T, w, t0, l0, drawn(S, Q, T, p, t0, l0, i, k), i, k)
+            if wp.static(meets):
+                if (S.hold[i, k] < 0 or S.hold[i + 1, k] < 0) and not clear(C, S, T, p.at, i, k):
+                    w = lean(S, w, touch(C, S, Q, T, p.h * p.h, p.at, i, k), i, k)
+            if wp.static(airy):
+                f, K = blow(S, Q, T, p, i, k)
+                w = push(S, w, f, K, i, k)
+            w.P = add(w.P, T.along[i, k])
+            if T.bridge:
+                w.P = add(w.P, T.bridge[i, k])
+            if i + 2 < S.points[k] and S.clamped[i, k] + S.clamped[i + 1, k] < 2:
                 e1 = T.x[i + 2, k] - T.x[i + 1, k]
-                w.l1 = wp.length(e1)
-                w.t1 = e1 / wp.max(w.l1, TINY)
-                w = bent(S, Q, T, p, w, i + 1, k)
+                l1 = wp.length(e1)
+                s = strains(t0, e1 / wp.max(l1, TINY), wp.max(l0, TINY), wp.max(l1, TINY), T.d[i, k], T.d[i + 1, k],
+                            T.phi[i + 1, k])
+                T.phi[i + 1, k] = s.s[2]
+                w = flex(S, w, s, strained(S, Q, T, p, s, i + 1, k), gain(S, Q, p.h, i, i + 2, k), i + 1, k)
         A.parts[0, i, k] = w.D0
         A.parts[1, i, k] = w.D1
         A.parts[2, i, k] = w.D2
