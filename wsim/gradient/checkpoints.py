@@ -5,17 +5,20 @@
 
 each    versions of a substep and their gradients               point    arrays with which a segment begins
 over    of a segment, whatever its length                       fixed    positions and velocities after every frame
-launches     memory of the recorded launches of a substep and of its adjoint, on tapes and in CPU graphs. Each segment within a
-             frame has its own; `copies`: memory of the launches that begin and end a segment
+launches     memory of the recorded launches of a substep and of its adjoint, on tapes and in CPU graphs, and of what the host
+             keeps for both. Each segment within a frame has its own; `copies`: memory of the launches that begin and end a
+             segment
 
 A frame is measured before it is recorded; where that would not fit, its first substep.
 """
 
+import sys
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import ceil, sqrt
 
+import numpy as np
 import warp as wp
 
 from wsim.scene import Problem, SceneError
@@ -141,8 +144,25 @@ def measured(recording) -> tuple[Segments, tuple[float, ...]]:
 
 
 def launched(tape, device) -> float:
-    """Bytes that a CPU keeps for the launches of a `wsim.model.tape.Tape`, forward and backward."""
-    return 0.0 if device.is_cuda else LAUNCH * (len(tape.steps) + len(tape.adjoints))
+    """Bytes that the host keeps for a `wsim.model.tape.Tape`: for steps that run there, which contacts decide on as they come,
+    and on a CPU for launches, forward and backward."""
+    return host_bytes(tape.host, set()) + (0.0 if device.is_cuda else LAUNCH * (len(tape.steps) + len(tape.adjoints)))
+
+
+def host_bytes(thing, seen: set[int]) -> int:
+    """Bytes of what a host keeps in containers, and of what their members keep: NumPy arrays that own their memory, of a view
+    those of the array behind it. seen: ids of what is counted already."""
+    if thing is None or isinstance(thing, (bool, int, float, str, np.generic)) or id(thing) in seen:
+        return 0
+    seen.add(id(thing))
+    own = sys.getsizeof(thing)
+    if isinstance(thing, np.ndarray):
+        return own + (host_bytes(thing.base, seen) if isinstance(thing.base, np.ndarray) else 0)
+    if isinstance(thing, dict):
+        return own + sum(host_bytes(each, seen) for each in thing.values())
+    if isinstance(thing, (list, tuple)):
+        return own + sum(host_bytes(each, seen) for each in thing)
+    return own + host_bytes(getattr(thing, "__dict__", None), seen)
 
 
 @contextmanager

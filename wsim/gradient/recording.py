@@ -160,7 +160,7 @@ class Recording(Frames):
 
     @property
     def bytes(self) -> int:
-        """Device memory of versions, their gradients and checkpoints; on a CPU also of recorded launches."""
+        """Memory of versions, their gradients and checkpoints, and of what the host keeps: on a CPU also recorded launches."""
         launches = sum(launched(stretch.tape, self.sim.device) for stretch in self.stretches.values())
         return self.slots.bytes + sum(a.capacity for arrays in self.saved for a in arrays) + int(launches)
 

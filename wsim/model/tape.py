@@ -79,6 +79,7 @@ class Tape:
     first: tuple[int, int] = (0, 0)
     end: tuple[int, int] = (0, 0)
     eager: bool = False                                                     # a step of the host is among them
+    host: list[dict] = field(default_factory=list)                          # what steps of the host keep for their adjoints
 
     # while a method launches
 

@@ -1,11 +1,13 @@
 """Gradients of rigid bodies through contacts that are solved to a residual, float64: against differences of order 8 of runs,
 and closed forms of sliding, rolling, bouncing."""
 
+import tracemalloc
 from functools import cache
 
 import numpy as np
 import pytest
 
+from wsim.gradient.checkpoints import host_bytes
 from wsim.gradient.inputs.by_name import inputs
 from wsim.gradient.recording import Recording
 from wsim.physics.rigid.objects import Body
@@ -182,6 +184,23 @@ def test_a_ball_bounces_when_it_comes(height):
     assert -found.gravity()[2] == pytest.approx(by_u * u / (2.0 * G) - by_t * t / (2.0 * G) - 0.5 * s * s, rel=1e-9)
     # a speed down at the start is a height: v^2 / 2 g more, and earlier by v / g
     assert found.value("/a", "velocity")[2] == pytest.approx(by_t * (1.0 / G), rel=1e-9)
+
+
+def test_bytes_hold_what_the_host_keeps_for_the_adjoint():
+    """NumPy tells tracemalloc what memory arrays own; heads of arrays and the containers of both come on top of that."""
+    scene = ground(body("/a", Sphere(0.1), (0.0, 0.0, 0.3), bounce=0.6))
+    recording(scene, 1).run()
+    tracemalloc.start()
+    try:
+        r = recording(scene, 20)
+        r.run()
+        every, arrays = tracemalloc.take_snapshot(), tracemalloc.DomainFilter(True, np.lib.tracemalloc_domain)
+    finally:
+        tracemalloc.stop()
+    held = sum(trace.size for trace in every.filter_traces([arrays]).traces)
+    host = sum(host_bytes(stretch.tape.host, set()) for stretch in r.stretches.values())
+    assert 1e4 < held < host < sum(trace.size for trace in every.traces)
+    assert r.slots.bytes + host < r.bytes == pytest.approx(r.cost.full - r.cost.fixed, rel=0.03)
 
 
 @pytest.mark.slow

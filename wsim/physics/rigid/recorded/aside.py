@@ -9,10 +9,11 @@ from wsim.model.tape import Tape, give, without
 
 
 def aside(tape: Tape, arrays: list[wp.array], forward: Callable[[], None],
-          backward: Callable[[list[np.ndarray]], list[np.ndarray]]) -> None:
+          backward: Callable[[list[np.ndarray]], list[np.ndarray]], kept: dict) -> None:
     """forward() takes `arrays` of the state from there and writes them; backward(gradients of what it has written) gives those
-    of what it has read. No graph holds such a stretch (`Tape.eager`)."""
+    of what it has read. kept: what forward() leaves for backward(). No graph holds such a stretch (`Tape.eager`)."""
     tape.eager = True
+    tape.host.append(kept)
     read = [tape.read(a) for a in arrays]
     for a in arrays:
         tape.write(a, True)

@@ -73,7 +73,7 @@ class RecordedIslands(Recorded):
             self.parts.step(now, kept)
             kept["end"] = self.state()
             self.model.tape = before
-        aside(tape, self.arrays, forward, lambda grads: self.back(now.h, kept, grads))
+        aside(tape, self.arrays, forward, lambda grads: self.back(now.h, kept, grads), kept)
 
     def state(self) -> State:
         return State(self.arrays, self.method.part.count)
