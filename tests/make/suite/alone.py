@@ -45,15 +45,22 @@ def part(kernel, digest: bytes, options: str, module: wp.Module, device, block_d
         alone.options, alone.defer_reference_scan = dict(module.options), True
         alone.register_kernel(kernel)
         alone.name = f"{kernel.key}_{alone.get_module_hash(block_dim).hex()[:8]}"        # of no other kernel, for LLVM
+        for function in functions(alone, block_dim):
+            function.adj.force_adjoint_codegen = False           # left by a `wp.grad` of another module
         MADE[key] = LOAD(alone, device, block_dim)
     return MADE[key]
 
 
+def functions(module: wp.Module, block_dim: int) -> list[wp.Function]:
+    """What the kernels of a module call."""
+    return [each for f in module.hashers[block_dim].function_hashes
+            for each in (f, *f.user_overloads.values(), *f.user_templates.values()) if each.adj]
+
+
 def graded(module: wp.Module, block_dim: int) -> bool:
     """Whether a kernel of a module, or a function that one calls, calls `wp.grad`."""
-    hasher = module.hashers[block_dim]
-    functions = [each for f in hasher.function_hashes for each in (f, *f.user_overloads.values(), *f.user_templates.values())]
-    return any(GRAD in each.adj.source for each in (*hasher.unique_kernels.values(), *functions) if each.adj)
+    kernels = module.hashers[block_dim].unique_kernels.values()
+    return any(GRAD in each.adj.source for each in (*kernels, *functions(module, block_dim)))
 
 
 def load(module: wp.Module, device, block_dim: int | None = None, *files, **more) -> ModuleExec:

@@ -11,6 +11,8 @@ from warp._src import build
 from wsim.model import kernel_cache
 from wsim.model.compiler import header, source, variants
 
+FUNCTION = "static void work_0_cpu_kernel_forward(\n    wp::launch_bounds_t<1> dim)\n{\n}\n"
+
 
 @wp.struct
 class Pair:
@@ -53,6 +55,11 @@ def written(values: wp.array(dtype=float), i: int, x: float):
     values[i] = x
 
 
+@wp.func
+def cubed(x: float):
+    return x * x * x
+
+
 @wp.kernel(module="compiled_source", enable_backward=False)
 def work(both: Both, out: wp.array(dtype=float)):
     i = wp.tid()
@@ -68,10 +75,10 @@ def work(both: Both, out: wp.array(dtype=float)):
     written(out, i, read(both, i) + 10.0 * first + 1000.0 * second + 1.0e6 * replaced(pair, other, i) + pair.b)
 
 
-def generated() -> str:
+def generated(module: str = "compiled_source") -> str:
     """Source that Warp made of the module for a CPU."""
-    kernel_cache.load("compiled_source", kernel_cache.device("cpu"))
-    folder = Path(wp.config.kernel_cache_dir, wp.get_module("compiled_source").get_module_identifier(1))
+    kernel_cache.load(module, kernel_cache.device("cpu"))
+    folder = Path(wp.config.kernel_cache_dir, wp.get_module(module).get_module_identifier(1))
     (made,) = folder.glob("*.cpp")
     return made.read_text()
 
@@ -147,15 +154,48 @@ def test_a_process_that_keeps_headers_has_one_without_adjoints_and_compiles_the_
     assert folder.name == "lean" and "adj_add(" not in (folder / "builtin.h").read_text()
 
 
-def test_what_does_not_compile_rewritten_is_compiled_as_it_was(monkeypatch, tmp_path):
+@wp.kernel(module="compiled_graded", enable_backward=False)
+def slope(x: float, out: wp.array(dtype=float)):
+    out[0] = wp.grad(cubed)(x)
+
+
+def test_a_module_that_calls_adjoints_keeps_the_whole_header(tmp_path):
+    """Though it has no backward pass: d(x^3)/dx = 12 where x is 2."""
+    out, given, seen = wp.zeros(1, dtype=float, device="cpu"), tmp_path / "module.cpp", []
+    given.write_text(generated("compiled_graded"))
+    wp.launch(slope, 1, [2.0], [out], device="cpu")
+    variants.rewritten(lambda obj, cpp, **more: seen.append(Path(cpp).read_text()), "module.o", str(given))
+    assert out.numpy()[0] == 12.0 and len(seen) == 1 and header.INCLUDES in seen[0]
+
+
+@pytest.mark.parametrize("text, fails, said", [
+    (f"{header.INCLUDES}{FUNCTION}", True, "does not compile module as wsim rewrites it"),
+    (f"{header.INCLUDES}", False, "writes the source of kernels in another form"),
+    (FUNCTION, False, "writes the source of kernels in another form")], ids=["fails", "no function", "no header"])
+def test_what_cannot_be_rewritten_is_compiled_as_it_was_and_that_is_said_once(monkeypatch, tmp_path, text, fails, said):
     seen = []
 
     def compiled(obj_path, cpp_path, **more):
         seen.append((cpp_path, more["use_precompiled_headers"]))
-        if len(seen) == 1:
+        if fails and cpp_path != str(given):
             raise RuntimeError("no")
     given = tmp_path / "module.cpp"
-    given.write_text(header.INCLUDES)
-    variants.rewritten(compiled, "module.o", str(given), use_precompiled_headers=True)
-    assert seen[0][0] != str(given) and seen[1] == (str(given), True)
-    assert list(tmp_path.iterdir()) == [given] and given.read_text() == header.INCLUDES
+    given.write_text(text)
+    monkeypatch.setattr(variants, "TOLD", [])
+    with pytest.warns(RuntimeWarning, match=rf"^Warp {wp.__version__} {said}: .* install warp-lang==1\.19") as heard:
+        for _ in range(2):
+            variants.rewritten(compiled, "module.o", str(given), use_precompiled_headers=True)
+    assert len(heard) == 1 and seen[0][0] != str(given)
+    assert not fails or seen[1] == (str(given), True)
+    assert list(tmp_path.iterdir()) == [given] and given.read_text() == text
+
+
+def test_a_module_that_does_not_compile_at_all_is_no_fault_of_the_rewriting(monkeypatch, tmp_path):
+    def compiled(*args, **more):
+        raise RuntimeError("no")
+    given = tmp_path / "module.cpp"
+    given.write_text(f"{header.INCLUDES}{FUNCTION}")
+    monkeypatch.setattr(variants, "TOLD", [])
+    with pytest.raises(RuntimeError, match="no"):
+        variants.rewritten(compiled, "module.o", str(given))
+    assert variants.TOLD == []

@@ -1,4 +1,4 @@
-"""Warp's header without adjoints, for modules that have no backward pass.
+"""Warp's header without adjoints, for modules that call none.
 
 Clang reads 45,000 lines of header for each module, and most of its time (0.9 CPU-s) goes into adjoints that macros make for
 each type: `adj_smoothstep` alone resolves hundreds of overloads. Without them it takes 0.3. What is left out is found in the
@@ -16,6 +16,7 @@ import warp as wp
 
 NATIVE = Path(wp.__file__).parent / "native"
 INCLUDES = '#include "builtin.h"\n#include "deterministic.h"\n'
+CALLED = re.compile(r"\bwp::adj_(?!atomic)")             # by a backward pass, or by the adjoint of a function for `wp.grad`
 KEPT = False             # whether this process keeps it precompiled
 INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"')
 ADJOINT = re.compile(r"(?:template\s*<[^{};()]*>[\s\\]*)?"

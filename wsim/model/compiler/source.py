@@ -11,7 +11,6 @@ of 60 statements stand by themselves was tried: fluids compile in a third less t
 import re
 from collections import defaultdict
 
-BACKWARD = "_cpu_backward("
 HEAD = re.compile(r"^static ((?:WP_\w+ )?)([^\n(]+ )(\w+)\(\n((?:    [^\n]*\n)+)\{\n", re.M)
 END = "\n}\n"
 STRUCT = re.compile(r"^struct (\w+)\n?\s*\{", re.M)

@@ -13,18 +13,22 @@ registers hold, none does: the word is left out there.
 """
 
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import warp as wp
+
 from wsim.model.compiler import header, source
-from wsim.model.warp_private import build, codegen
+from wsim.model.warp_private import PLAIN, build, codegen
 
 QUESTION = "cpu_linear_contiguous_specialization_candidate"
 WORDS, APART = "_INLINE_ATTRS", "noinline"
 BUILD = "build_cpu"
+TOLD: list[str] = []             # not empty: this process has been told that its Warp is not as known here
 
 
 @contextmanager
@@ -32,6 +36,9 @@ def single(cpu: bool = True) -> Iterator[None]:
     """Modules that are compiled inside have one variant of each kernel; functions stand by themselves on a CPU alone."""
     answer, words = getattr(codegen, QUESTION, None), getattr(codegen, WORDS, None)
     compiled = getattr(build, BUILD, None)
+    lacking = [name for name, has in ((QUESTION, answer), (WORDS, words), (BUILD, compiled)) if has is None]
+    if lacking and not PLAIN:
+        warn_once(f"lacks {', '.join(lacking)}")
     if answer is not None:
         setattr(codegen, QUESTION, lambda adj, block_dim: False)
     if words is not None and not cpu:
@@ -53,10 +60,12 @@ def rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
     """Compiles what `wsim.model.compiler.source` makes of a module's source; the source itself, where that does not compile."""
     given, short = Path(cpp_path), Path(f"{cpp_path}.{os.getpid()}.cpp")
     text = given.read_text(encoding="utf-8")
+    if header.INCLUDES not in text or not source.HEAD.search(text):
+        warn_once("writes the source of kernels in another form")
     try:
         code = source.functions(text)
         how: dict[str, Any] = {}
-        if source.BACKWARD not in text:                  # which does without what Warp's precompiled header holds
+        if not header.CALLED.search(text):
             kept = more.get("pch_dir") if header.KEPT and more.get("use_precompiled_headers") else None
             code, how = header.precompiled(code, more.get("extra_flags", ""), kept)
         short.write_text(code, encoding="utf-8")
@@ -65,5 +74,14 @@ def rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
         raise
     except Exception:
         compiled(obj_path, cpp_path, *args, **more)
+        warn_once(f"does not compile {given.stem} as wsim rewrites it")
     finally:
         short.unlink(missing_ok=True)
+
+
+def warn_once(why: str) -> None:
+    """Warns that kernels are compiled as Warp writes them: the first time in a process. why: what this Warp does otherwise."""
+    if not TOLD:
+        TOLD.append(why)
+        warnings.warn_explicit(f"Warp {wp.__version__} {why}: first frames take longer, results are the same; install "
+                               "warp-lang==1.19.*, or set WSIM_PLAIN_WARP=1 to rewrite nothing", RuntimeWarning, "wsim", 1)
