@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.make.suite import alone
+from tests.make.suite import alone, every_shape
 from tests.make.suite.slow import SLOW
+from wsim.kernels.rigid.lists import collide, collide_mesh
+from wsim.model import kernel_cache
 from wsim.model.compiler import header
 from wsim.model.model import Model
 from wsim.scene import Scene
@@ -27,11 +29,14 @@ def pytest_xdist_auto_num_workers(config):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
-    """Reading 300 files, pytest rewrites their assertions: trees without garbage, and looking for it takes a third of that."""
+    """Reading 300 files, pytest rewrites their assertions: trees without garbage, and looking for it takes a third of that.
+    What is there then stays, and kernels are trees too: Python looks less often."""
     gc.disable()
     try:
         return (yield)
     finally:
+        gc.freeze()
+        gc.set_threshold(5_000, 10, 20)
         gc.enable()
 
 
@@ -54,7 +59,7 @@ def first_and_slow(rows) -> list:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def compiling():
+def compiling(pytestconfig):
     """A process of the tests makes hundreds of modules, so that they are compiled as is soonest done. Kernels land under other
     hashes than those of a simulation, and do the same to the last bit.
 
@@ -63,7 +68,9 @@ def compiling():
               the few modules of a user's process it costs more than it saves.
     strides   Warp compiles most kernels for a CPU twice, the second time for arrays without gaps. `wsim.model.variants` leaves
               that out of the modules of a simulation, and this of those that tests make.
-    alone     Each kernel is compiled once for all modules that hold it, see `tests.make.suite.alone`.
+    alone     Each kernel is compiled once for all modules that hold it, see `tests.make.suite.alone`. The cache then has no
+              folder of a simulation's module, and is asked each time whether it takes 8 MB: here it is asked for a page.
+    every_shape   Rigid contacts are compiled for all kinds of shapes at once, see `tests.make.suite.every_shape`.
     """
     load = Model.load
 
@@ -74,6 +81,11 @@ def compiling():
         patch.setattr(Model, "load", with_header)
         patch.setattr(wp.Module, "load", alone.load)
         patch.setattr(header, "KEPT", True)
+        patch.setattr(kernel_cache, "PROBE", 4096)
+        patch.setattr(kernel_cache, "_folders", alone.folders)
+        if pytestconfig.option.markexpr == "not slow" and not wp.is_cuda_available():     # one for all is dearer there
+            patch.setattr(collide, "collide", every_shape.collide_all)
+            patch.setattr(collide_mesh, "collide_mesh", every_shape.collide_mesh_all)
         patch.setattr("warp._src.codegen.cpu_linear_contiguous_specialization_candidate", lambda adj, block_dim: False,
                       raising=False)
         yield

@@ -9,15 +9,21 @@ Modules that call `wp.grad` stay whole: Warp 1.19 leaves the adjoints of nested 
 kernel of the module asks for them.
 """
 
+import re
+from pathlib import Path
 from typing import Any
 
 import warp as wp
 from warp._src.context import ModuleExec
 
+from wsim.model import kernel_cache
+
 WHOLE: list[bool] = []                # not empty: modules are compiled whole
 MADE: dict[tuple, ModuleExec] = {}    # executables of one kernel each, by hash and options
+PARTED: set[str] = set()              # names of modules that were loaded as parts
 GRAD = "wp.grad("
-LOAD = wp.Module.load
+OF_SCENE = re.compile("wsim_(?:[0-9a-f]{12}_|report_)")
+LOAD, FOLDERS = wp.Module.load, kernel_cache._folders
 
 
 class Parts(ModuleExec):
@@ -64,14 +70,23 @@ def graded(module: wp.Module, block_dim: int) -> bool:
 
 
 def load(module: wp.Module, device, block_dim: int | None = None, *files, **more) -> ModuleExec:
-    """Instead of Warp's `Module.load`: modules of several kernels that are not Warp's own are loaded as parts."""
+    """Instead of Warp's `Module.load`: modules of several kernels that are not Warp's own, and of one that are named after a
+    scene, are loaded as parts."""
     device = wp.get_device(device)
     block = module.options["block_dim"] if block_dim is None else block_dim
-    if not (device.is_cpu and len(module._live_kernels) > 1) or WHOLE or files or more or module.name.startswith("warp"):
+    single = len(module._live_kernels) < 2 and not OF_SCENE.match(module.name)
+    if not device.is_cpu or single or WHOLE or files or more or module.name.startswith("warp"):
         return LOAD(module, device, block_dim, *files, **more)
     made, digest = module.execs.get((None, block)), module.get_module_hash(block)
     if made is None or made.module_hash != digest:
         if graded(module, block):
             return LOAD(module, device, block_dim)
         made = module.execs[None, block] = Parts(module, device, block)
+        PARTED.add(module.name)
     return made
+
+
+def folders(name: str) -> list[Path]:
+    """Of a module in the cache, as `wsim.model.kernel_cache` looks for them; none of one that has none: among thousands of
+    others that takes milliseconds."""
+    return [] if name in PARTED else FOLDERS(name)

@@ -13,11 +13,13 @@ SLOW = PHYSICS | {
         "test_noise_does_not_blow_up": ["smooth", "tv"],
         "test_without_a_belief_noise_is_what_is_found": [],
         "test_the_gradient_of_the_misfit_is_that_of_differences": ["scene8-rest_shape[]", "scene19-weft[]",
-            "scene20-stretch[]"],
+            "scene20-stretch[]", "scene14-bend[]", "scene2-young[]", "scene17-shear[]"],
         "test_a_fit_goes_on_from_its_file": [],
         "test_other_fields_are_written_where_the_loader_finds_them": ["sheet-rest_shape[]", "<lambda>-rest_shape[]",
             "sheet-velocities[]", "sheet-bend[]"],
-        "test_the_stiffness_of_each_spring_of_a_net_is_found": []},
+        "test_the_stiffness_of_each_spring_of_a_net_is_found": [],
+        "test_the_command_writes_the_field_and_the_loader_reads_it": [],
+        "test_the_velocities_of_a_throw_are_found_from_where_it_ends": []},
     "fitting/test_joints_and_contacts.py": {
         "test_a_coefficient_is_found_from_markers_with_an_error_bar": ["friction"]},
     "fitting/test_memory.py": {
@@ -28,7 +30,8 @@ SLOW = PHYSICS | {
         "test_a_stiffness_field_is_found_from_scans_without_correspondence": [],
         "test_the_gradient_of_the_misfit_is_that_of_differences": ["<lambda>-<lambda>-names5", "<lambda>-<lambda>-names9",
             "<lambda>-<lambda>-names4", "<lambda>-scanned-names1", "<lambda>-<lambda>-names6"],
-        "test_what_cannot_be_recorded_is_not_put_down_to_the_start": []},
+        "test_what_cannot_be_recorded_is_not_put_down_to_the_start": [],
+        "test_a_prior_of_a_number_counts": []},
     "fitting/test_shared.py": {
         "test_copies_that_take_turns_give_the_same_fit_to_the_bit": ["explicit", "implicit"]},
     "gpu/test_capture.py": {
@@ -73,9 +76,13 @@ SLOW = PHYSICS | {
     "gradient/test_trajectory.py": {
         "test_positions_are_the_bits_of_a_simulation": ["scene1"],
         "test_so_they_are_of_one_without_gradients": ["scene1"]},
+    "gradient/test_value.py": {
+        "test_every_value_has_the_slope_of_differences": ["xpbd-Skeleton.turns"]},
     "scene/test_chord.py": {
         "test_penetration_is_that_of_the_deepest_place_of_a_triangle": ["cone"],
         "test_a_collider_stays_below_the_cloth_between_its_points": ["solid"]},
+    "show/test_smoke.py": {
+        "test_kernels_of_smoke_are_loaded_for_smoke_alone": []},
     "simulation/measure/test_checks.py": {
         "test_colliders_that_move_points_give_what_the_points_have": ["xpbd", "implicit"],
         "test_wind_and_loads_give_what_the_cloth_has": ["implicit"],
@@ -99,7 +106,10 @@ SLOW = PHYSICS | {
     "simulation/test_skip.py": {
         "test_exactly_the_kernels_of_the_scene_are_compiled": ["shirt", "flag", "tablecloth", "cape"],
         "test_a_change_of_the_scene_changes_just_its_kernels": [],
-        "test_exactly_the_modules_of_the_scene_are_imported": ["shirt"]},
+        "test_exactly_the_modules_of_the_scene_are_imported": ["shirt", "cape"],
+        "test_no_viewer_no_writer_and_no_second_copy_of_the_kernels": ["cape", "shirt"],
+        "test_no_adjoint_is_compiled": ["cape", "shirt"],
+        "test_methods_arrays_and_reasons_agree": ["cape", "shirt"]},
     "simulation/test_varying.py": {
         "test_a_run_follows_curves_as_if_each_frame_were_set_by_hand": ["explicit"]},
     "sweep/test_curves.py": {
@@ -108,12 +118,24 @@ SLOW = PHYSICS | {
         "test_values_of_all_worlds_at_once_are_those_of_one_after_another": ["explicit"],
         "test_a_world_that_breaks_is_taken_out_and_leaves_the_others_as_they_were": ["explicit"],
         "test_a_world_is_reset_alone": ["explicit"]},
+    "tools/test_lint.py": {
+        "test_the_sources_keep": ["layers", "size", "words"]},
+    "tools/test_packaging.py": {
+        "test_an_editable_clone_is_imported_from_its_parent_folder": []},
+    "tools/test_reference.py": {
+        "test_converged_integrators_have_their_order": ["backward_euler-1"]},
     "tools/test_scenes.py": {
-        "test_scenes_run": ["shirt", "ribbon", "twisted_cloth", "rollers", "worn_shirt"],
+        "test_scenes_run": ["shirt", "ribbon", "twisted_cloth", "rollers", "worn_shirt", "cape"],
         "test_rollers_pull_a_cloth_at_their_speed": [],
         "test_the_humanoid_comes_to_rest_with_its_joints_closed": [],
-        "test_rigid_scenes_stand_until_the_ball_comes_and_fall_then": ["arch-2.9-0.005-12", "dominoes-0.0-0.001-30"],
-        "test_the_squeezed_cube_is_carried_by_friction": []},
+        "test_rigid_scenes_stand_until_the_ball_comes_and_fall_then": ["arch-2.9-0.005-12", "dominoes-0.0-0.001-30",
+            "pyramid-3.5-0.001-10"],
+        "test_the_squeezed_cube_is_carried_by_friction": [],
+        "test_the_bar_is_twisted_by_a_full_turn_and_keeps_its_volume": [],
+        "test_scenes_of_fluids_blow_smoke": ["waved_flag", "cavity"]},
+    "tools/test_stress_rows.py": {
+        "test_the_abuse_ends_finite_and_recovers": ["yanked", "slivers 1:100000", "membrane 1e-3", "needles 1:100"],
+        "test_a_soft_body_ends_finite_and_recovers": ["soft inside out, corotational"]},
     "usd/new/test_new_asset.py": {
         "test_a_scene_that_another_stage_refers_to_still_runs": ["cloth", "softbody"]},
     "usd/new/test_new_softbody.py": {
@@ -132,4 +154,6 @@ SLOW = PHYSICS | {
         "test_new_answers_with_one_line_that_has_the_cure": ["a half-open one"]},
     "usd/test_splines.py": {
         "test_a_motion_of_any_kind_comes_back_from_a_file": ["eased"]},
+    "usd/test_value_clips.py": {
+        "test_a_run_with_clips_has_the_bits_of_one_without": []},
 }

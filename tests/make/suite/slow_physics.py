@@ -76,7 +76,7 @@ PHYSICS = {
         "test_a_sheet_falls_on_a_ball_and_slides_down_without_giving_way": ["3", "6"],
         "test_layers_fall_on_a_floor_and_never_intersect": []},
     "physics/contact/test_poses.py": {
-        "test_an_outline_is_the_same_whichever_frames_it_is_worked_out_with": ["smooth", "eased", "stack"],
+        "test_an_outline_is_the_same_whichever_frames_it_is_worked_out_with": ["smooth", "eased", "stack", "still"],
         "test_a_mesh_that_swells_is_met_where_its_ball_is_near": ["newton"],
         "test_a_collider_that_moves_far_away_has_no_poses": ["catmull_rom-shape1"],
         "test_a_broad_phase_changes_no_bit": ["0-float32"]},
@@ -86,7 +86,8 @@ PHYSICS = {
         "test_a_sheet_that_falls_on_a_turning_collider_and_slides": ["plane-leapfrog", "sphere-leapfrog", "box-leapfrog",
             "capsule-leapfrog", "cylinder-leapfrog", "cone-leapfrog", "box-xpbd"],
         "test_bdf2_forgets_what_was_before_a_contact": ["more0", "more1"],
-        "test_a_smoothed_contact_has_no_kink_where_it_begins": ["leapfrog"]},
+        "test_a_smoothed_contact_has_no_kink_where_it_begins": ["leapfrog"],
+        "test_checkpoints_find_the_same_contacts_again": []},
     "physics/contact/test_restitution.py": {
         "test_a_sheet_thrown_at_a_sphere_never_gains_energy": ["implicit-backward_euler-0.0", "implicit-bdf2-0.0",
             "xpbd-backward_euler-0.0", "xpbd-bdf2-0.0"],
@@ -97,7 +98,7 @@ PHYSICS = {
         "test_the_kernel_alone_differentiates": ["True"]},
     "physics/contact/test_soft_contacts.py": {
         "test_a_bar_that_lands_and_slides": ["sphere-backward_euler"],
-        "test_a_bar_that_sticks_is_carried": ["sheet-bdf2"],
+        "test_a_bar_that_sticks_is_carried": [],
         "test_a_bar_of_quadratic_tets_under_pressure": [],
         "test_by_the_motion_of_a_collider": ["sphere-backward_euler", "sheet-bdf2"]},
     "physics/contact/test_toy_shape.py": {
@@ -145,12 +146,14 @@ PHYSICS = {
         "test_islands_and_contacts_of_many_launches_give_the_bits_of_one": [],
         "test_bodies_of_a_joint_pass_through_each_other_unless_it_says_that_they_collide": [],
         "test_a_chain_lies_on_a_sheet_and_its_joints_stay_closed": []},
+    "physics/joints/test_hinged_blows.py": {
+        "test_joints_take_part_in_blows_beside_a_cloth_too": ["xpbd"]},
     "physics/joints/test_humanoid.py": {
         "test_worlds_of_joints_are_alike": [],
         "test_a_hinge_with_a_strong_damper_hardly_moves": [],
         "test_bodies_of_the_humanoid_move_together_as_if_nothing_held_them_in_free_fall": []},
     "physics/joints/test_loops.py": {
-        "test_a_parallel_four_bar_keeps_its_energy_through_the_line": ["10", "60", "80"]},
+        "test_a_parallel_four_bar_keeps_its_energy_through_the_line": ["10", "60", "80", "120"]},
     "physics/joints/test_motion.py": {
         "test_one_driven_coordinate_is_a_damped_oscillator": ["40.0-1.5-float64", "400.0-0.0-float32", "4000.0-20.0-float64",
             "4000.0-20.0-float32", "40000.0-100.0-float64", "40000.0-100.0-float32", "1000.0-500.0-float64",
@@ -158,11 +161,13 @@ PHYSICS = {
     "physics/joints/test_pivots.py": {
         "test_one_sweep_is_where_sweeps_of_single_rows_end": ["3-0", "6-6", "2-6"]},
     "physics/joints/test_sleep.py": {
-        "test_a_damped_chain_sleeps_hanging_straight_and_a_thrown_ball_wakes_all_of_it_and_no_other": ["listed"],
-        "test_a_driven_hinge_is_awake_while_its_target_moves_and_sleeps_behind_it": ["listed"],
-        "test_what_a_joint_hangs_on_wakes_it_when_it_moves": ["listed"],
+        "test_a_damped_chain_sleeps_hanging_straight_and_a_thrown_ball_wakes_all_of_it_and_no_other": ["coloured"],
+        "test_a_driven_hinge_is_awake_while_its_target_moves_and_sleeps_behind_it": ["coloured"],
+        "test_what_a_joint_hangs_on_wakes_it_when_it_moves": ["coloured"],
         "test_a_chain_that_slept_goes_on_as_one_that_never_did": ["coloured"],
-        "test_many_launches_give_the_bits_of_one_and_a_restart_those_of_a_run": []},
+        "test_many_launches_give_the_bits_of_one_and_a_restart_those_of_a_run": [],
+        "test_a_sleeping_arm_that_a_spring_bears_does_not_move_while_others_do": ["coloured"],
+        "test_a_drive_with_a_speed_keeps_its_island_awake": ["coloured"]},
     "physics/motion/test_borne.py": {
         "test_a_cloth_that_a_box_stretches_gains_no_energy_by_leapfrog": []},
     "physics/motion/test_compensated.py": {
@@ -170,7 +175,8 @@ PHYSICS = {
     "physics/motion/test_explicit.py": {
         "test_membranes_and_hinges_agree_with_a_converged_implicit_solution": [],
         "test_energy_of_the_stiff_oscillator": ["explicit_euler-20959.16-0.01"],
-        "test_energy_of_the_pendulum": ["symplectic_euler--1.249-0.0005", "rk4--1.01e-06-5e-09"]},
+        "test_energy_of_the_pendulum": ["symplectic_euler--1.249-0.0005", "rk4--1.01e-06-5e-09"],
+        "test_the_observed_order_is_the_declared_one": ["explicit_euler-0.002"]},
     "physics/motion/test_loads.py": {
         "test_a_force_over_time_moves_by_its_integral_and_has_exact_derivatives": ["implicit-sdirk3"]},
     "physics/motion/test_sheets.py": {
@@ -244,16 +250,19 @@ PHYSICS = {
         "test_newtons_method_repeats_what_it_has_not_foreseen": []},
     "physics/rods/test_among.py": {
         "test_a_rope_that_is_thrown_at_a_cloth_never_passes": ["0-xpbd bdf2", "0-newton", "0-newton bdf2", "0-leapfrog",
-            "0-rk4", "1-xpbd", "1-xpbd bdf2", "1-newton bdf2", "1-leapfrog", "1-rk4"],
-        "test_a_rope_and_a_cloth_that_collide_keep_their_momentum": ["xpbd bdf2", "newton bdf2", "leapfrog", "rk4"],
-        "test_a_rope_on_a_cloth_sticks_and_slips_at_the_critical_angle": ["xpbd", "newton bdf2", "leapfrog", "rk4"],
+            "0-rk4", "1-xpbd", "1-xpbd bdf2", "1-newton bdf2", "1-leapfrog", "1-rk4", "1-newton"],
+        "test_a_rope_and_a_cloth_that_collide_keep_their_momentum": ["xpbd bdf2", "newton bdf2", "leapfrog", "rk4", "xpbd"],
+        "test_a_rope_on_a_cloth_sticks_and_slips_at_the_critical_angle": ["xpbd", "newton bdf2", "leapfrog", "rk4", "newton"],
         "test_a_ridge_bears_a_rope_and_stretches_it_no_more_than_its_weight_does": ["xpbd bdf2", "newton", "newton bdf2",
-            "rk4"],
-        "test_strands_that_fall_on_a_soft_body_lie_on_it": ["explicit"]},
+            "rk4", "leapfrog"],
+        "test_strands_that_fall_on_a_soft_body_lie_on_it": ["explicit", "implicit"],
+        "test_a_run_goes_on_from_its_file_to_the_bit": [],
+        "test_results_are_the_same_from_run_to_run_and_in_worlds": []},
     "physics/rods/test_body_edges.py": {
         "test_a_box_that_falls_between_points_is_caught": ["edge-touching", "corner-alone", "corner-touching"]},
     "physics/rods/test_deforming.py": {
-        "test_points_with_keys_carry_strands_as_a_prim_that_moves": ["False-False"]},
+        "test_points_with_keys_carry_strands_as_a_prim_that_moves": ["False-False"],
+        "test_a_mesh_that_bulges_lifts_what_lies_on_it": ["True"]},
     "physics/rods/test_nets.py": {
         "test_every_substep_of_a_net_under_bodies_is_solved": ["5-0.03-0.0", "4-0.1-0.5"]},
     "physics/selfcontact/test_colliders.py": {
@@ -275,7 +284,7 @@ PHYSICS = {
             "newton midpoint-plane", "newton midpoint-cloth", "leapfrog-plane", "leapfrog-cloth", "rk4-plane", "rk4-cloth"],
         "test_friction_that_is_set_live_is_that_of_the_material": ["leapfrog"]},
     "physics/selfcontact/test_guarantee.py": {
-        "test_a_crumpled_sheet_has_no_intersection_in_any_substep": ["0"],
+        "test_a_crumpled_sheet_has_no_intersection_in_any_substep": [],
         "test_sheets_that_are_thrown_have_no_intersection_in_any_substep_by_the_midpoint": [],
         "test_pairs_that_are_pressed_in_turn_keep_their_momentum": [],
         "test_sheets_that_meet_within_a_substep_are_projected_and_not_cut": ["newton"],
@@ -308,9 +317,12 @@ PHYSICS = {
         "test_a_bar_that_flows": ["neo_hookean-more1-2e-06"],
         "test_by_the_yield": ["more1", "more2"],
         "test_checkpoints_and_a_run_under_way": ["more0"]},
+    "physics/soft/test_soft_reference.py": {
+        "test_an_engine_that_is_right_is_judged_right": []},
     "physics/solver/schwarz/test_schwarz.py": {
         "test_the_preconditioner_is_the_sum_over_the_domains_of_all_levels": ["8-1-16"],
-        "test_a_smooth_load_takes_a_fifth_of_the_iterations_of_block_jacobi": ["1000.0"]},
+        "test_a_smooth_load_takes_a_fifth_of_the_iterations_of_block_jacobi": ["1000.0"],
+        "test_the_preconditioner_is_symmetric_and_positive": ["float64-1e-12"]},
     "physics/solver/schwarz/test_steps.py": {
         "test_orders_on_stiff_cloth": ["backward_euler-1.0", "sdirk3-1.6", "bdf2-2.0"]},
     "physics/solver/test_coarse_space.py": {
@@ -334,11 +346,12 @@ PHYSICS = {
         "test_among_contacts": ["sphere-backward_euler-0.4"],
         "test_what_is_thrown_back": [],
         "test_checkpoints_and_worlds_give_the_same": ["<lambda>1"],
-        "test_float32_is_near_float64": ["<lambda>1"],
+        "test_float32_is_near_float64": [],
         "test_a_recording_says_how_far_it_is_from_a_simulation": ["0.0-implicit-1e-05-1e-08", "0.4-implicit-0.2-0.02",
             "0.4-auto-0-0"],
         "test_where_a_moving_pin_puts_its_points": ["bdf2", "sdirk3"],
-        "test_lengths_at_rest_are_what_limits_and_tethers_allow": ["tethers-backward_euler"]},
+        "test_lengths_at_rest_are_what_limits_and_tethers_allow": ["tethers-backward_euler"],
+        "test_a_throw_is_found_again": []},
     "physics/solver/test_newton_surfaces.py": {
         "test_cloth_on_a_still_box_only_loses_energy": ["implicit_midpoint", "backward_euler"],
         "test_sheets_that_are_thrown_at_each_other_gain_no_energy": ["implicit_midpoint"],
@@ -351,14 +364,16 @@ PHYSICS = {
     "physics/solver/test_xpbd.py": {
         "test_recorded_projection_has_the_right_gradient": ["dihedral", "membrane"]},
     "physics/solver/test_xpbd_adjoint.py": {
-        "test_soft_pins": ["more1", "more3", "more2"],
+        "test_soft_pins": ["more1", "more3", "more2", "more0"],
         "test_undone_sweeps_are_as_good_as_fresh_buffers": ["membrane-inf-False", "springs-inf-True", "springs-0.003-False"],
         "test_a_launch_for_each_colour_gives_the_same_as_one_for_all": ["membrane-0.0002", "springs-0.0", "membrane-0.0"],
         "test_a_stiff_sheet_of_240_substeps": ["membrane", "springs"],
         "test_a_chain": ["bdf2-16", "implicit_midpoint-16"],
-        "test_a_sheet_that_stretches_shears_and_bends": ["membrane"],
-        "test_wind": ["more0"]},
+        "test_a_sheet_that_stretches_shears_and_bends": ["membrane", "springs"],
+        "test_wind": ["more0"],
+        "test_the_normal_drag_of_a_fabric": ["more0"]},
     "physics/test_host_report.py": {
-        "test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once": ["hanging_cloth-xpbd"],
-        "test_a_first_frame_compiles_one_module_though_half_of_its_stretches_launch_nothing": []},
+        "test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once": [],
+        "test_a_first_frame_compiles_one_module_though_half_of_its_stretches_launch_nothing": [],
+        "test_depths_on_the_host_are_those_of_kernels": ["cylinder", "capsule", "sphere"]},
 }

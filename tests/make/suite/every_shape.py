@@ -1,0 +1,26 @@
+"""Rigid contacts of the tests are compiled once for all kinds of shapes, not once for each set of kinds that scenes have.
+
+A scene compiles what its own pairs of shapes need, 4 to 6 s of a core, and the tests have nearly 30 such sets. A kernel for
+all kinds takes 1 s longer to compile than one for boxes and a plane, does the same to the last bit, and is as fast. `pytest -m
+slow` compiles what each scene needs, as a simulation does, and so does a machine with a GPU, where one for all takes longer.
+"""
+
+from wsim.kernels.rigid.lists import collide, collide_mesh
+from wsim.kernels.rigid.narrow.pair import every
+from wsim.kernels.rigid.narrow.shape import KINDS
+
+ALL = every(KINDS.keys() - {"triangle", "mesh"})
+ON_MESHES = frozenset(KINDS.keys() - {"triangle", "mesh", "plane"})
+COLLIDE, COLLIDE_MESH = collide.collide, collide_mesh.collide_mesh
+
+
+def collide_all(pairs, real, module):
+    """Instead of `wsim.kernels.rigid.lists.collide.collide`."""
+    assert pairs <= ALL, pairs - ALL
+    return COLLIDE(ALL, real, module)
+
+
+def collide_mesh_all(kinds, real, module):
+    """Instead of `wsim.kernels.rigid.lists.collide_mesh.collide_mesh`."""
+    assert kinds <= ON_MESHES, kinds - ON_MESHES
+    return COLLIDE_MESH(ON_MESHES, real, module)
