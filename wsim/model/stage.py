@@ -189,6 +189,7 @@ class Method:
     moved: bool = False                                        # a frame has other launches than its graph from now on
     alike: bool = False                                        # launches of substeps but the first and the last are the same
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
+    evaluates: dict[str, list[str]] = field(default_factory=dict)      # by NumPy before frames: what, and of which prims
     offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
     by_world: bool = False                                     # `set` takes a `ByWorld` too
 

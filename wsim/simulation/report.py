@@ -8,6 +8,7 @@ UNITS = {"penetration": "m", "too_near": "m", "overlap": "m", "joint_error": "m"
 # one of what a number counts, by its name in a report
 NOUNS = {"bodies": "body", "joints": "joint", "grid": "cell", "rods": "rod point",
          "substeps": "substep", "iterations": "iteration"}
+SHOWN = 0.01           # ms a frame of the host: less is in the sum alone
 EARLY = 10             # frames in which graphs are expected to be captured
 WHOLE = ("iterations", "steps", "particles", "asleep", "broken", "in_turn", "searches", "projected", "cut")   # they count
 PLAIN = (*WHOLE, "speed", "smoke", "temperature", "volume", "strain")                # ends of names of what is no error
@@ -69,7 +70,16 @@ def _speed(report: dict) -> list[str]:
     names = [*(n for n in ORDER if n in spent), *(n for n in spent if n not in ORDER)]
     if names:
         lines.append("  " + ", ".join(f"{n.replace('_', ' ')} {seconds(spent[n])}" for n in names))
-    return lines + _captures(report.get("captures", []))
+    return lines + _captures(report.get("captures", [])) + _host(report.get("host", []))
+
+
+def _host(told: list[dict]) -> list[str]:
+    """Time of the host a frame, beside the graph, and what it evaluates there."""
+    if not told:
+        return []
+    parts = ", ".join(f"{row['what']} {row['ms']:.2g}" for row in told if row["ms"] >= SHOWN)
+    return [f"host      {sum(row['ms'] for row in told):.2g} ms a frame{f': {parts}' if parts else ''}",
+            *(f"  evaluates {what}" for row in told for what in row["evaluates"])]
 
 
 def _captures(told: list[dict]) -> list[str]:

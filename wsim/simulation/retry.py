@@ -42,8 +42,8 @@ def begin(sim: Simulation) -> None:
     """The tables of the frame to come; what varies in time has its values of that frame."""
     if sim.scene.varying or any(isinstance(change[2], Curve) for change in sim.changes):
         from wsim.simulation.varying import follow
-        follow(sim)
-    sim.plan.before_frame(sim.time)
+        sim.host.call("values that vary", follow, sim)
+    sim.host.before_frame(sim)
     for method in sim.plan.methods:
         if method.moved:
             sim.graphs.forget(f"{method.name} launches something else")

@@ -24,6 +24,7 @@ from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.captures import Graphs
 from wsim.simulation.measure.exceeded import Note, note
+from wsim.simulation.measure.host import Host
 from wsim.simulation.predicted.measured import follow
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
@@ -71,6 +72,7 @@ class Simulation:
         self.frame = 0
         self.graphs.forget("the simulation was reset")
         self.pulled = self.settled = None      # made by `reactions` (pulled) and `follow` (settled)
+        self.host = Host()                     # where its time goes
         self.measured: Any = None              # made by `follow` in the first frame; False: never, nor `settled`
         self.balance: measure.Balance | None = None
         self.scene = replace(self.given, colliders=[replace(c) for c in self.given.colliders])      # live motions change copies
@@ -104,7 +106,8 @@ class Simulation:
         """Steps one frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
         with GATE.shared():
             self._step()
-        follow(self)
+        self.host.call("first frames, measured", follow, self)
+        self.host.end_frame(self.frame)
 
     def _step(self) -> None:
         began = time.perf_counter()
@@ -120,7 +123,7 @@ class Simulation:
             except RuntimeError as error:
                 raise retry.refused(error, self.device) from None
             self.plan.status.wait()
-            if not retry.mend(self):
+            if not self.host.call("status", retry.mend, self):
                 break
             self.state.restore()
         else:
@@ -129,11 +132,11 @@ class Simulation:
         self.plan.clock.starting = False
         self.forms["free" if self.plan.clock.free else "met"] += 1
         self.frame += 1
-        note(self)
+        self.host.call("status", note, self)
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
         self.seconds.setdefault("first_frame", time.perf_counter() - began)
         if self.balance:
-            self.balance.look(self)
+            self.host.call("energy, looked at", self.balance.look, self)
         for watch in list(self.watchers):
             watch(self)
 

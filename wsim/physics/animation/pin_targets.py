@@ -13,7 +13,32 @@ from wsim.kernels.animation import pinned
 from wsim.kernels.math.real import types
 from wsim.model import kernel_cache
 from wsim.model.launches import LaunchList
+from wsim.model.midnodes import spread
 from wsim.physics.contact.poses.sampled import Sampled
+
+
+class Following:
+    """Places of a pin's points on a mesh that joints move, used like a `Motion`."""
+
+    def __init__(self, follow, ends: np.ndarray):
+        """follow: a `wsim.physics.animation.objects.Follow`; ends: points that each of those between is the middle of."""
+        self.follow, self.ends, self.plain = follow, ends, True
+
+    moves = property(lambda self: self.follow.moves)
+
+    @property
+    def by_keys(self) -> bool:
+        """As `Motion.by_keys`."""
+        bones = self.follow.skin.skeleton
+        return not bones.bodies and bones.motion.by_keys
+
+    def points(self, local: np.ndarray, time: float) -> np.ndarray:
+        """World places [m] at `time` [s]."""
+        return self.over(np.array([time]))[0]
+
+    def over(self, times: np.ndarray) -> np.ndarray:
+        """World places [m] at some times [s], (times, points, 3)."""
+        return spread(self.follow.over(times).swapaxes(0, 1), self.ends).swapaxes(0, 1)
 
 
 class Targets:

@@ -189,6 +189,8 @@ class Contact(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         deep = True if clock.starting or self.model.gradients else None
+        if self.contacts.changed:
+            self.evaluates = self.contacts.poses.on_host()
         self.contacts.prepare(time, substeps=clock.substeps, deep=deep, free=clock.free and self.clearance is not None)
         if self.clearance:
             self.clearance.outline.frame(time)

@@ -175,11 +175,10 @@ class Fluids(Method):
             for k in range(len(self.domains)):
                 self._settle(k)
             self.settled = True
-        for domain in self.domains:
-            if domain.obstacles and domain.obstacles.moving:
-                domain.obstacles.shapes.pose(time, clock.dt)
-            if domain.sources:
-                domain.sources.pose(time, clock.dt)
+        each = [group for domain in self.domains for group in (domain.obstacles, domain.sources) if group]
+        for group in each:
+            group.pose(time, clock.dt)
+        self.evaluates["poses"] = list(dict.fromkeys(path for group in each for path in group.shapes.moved))
 
     def _settle(self, k: int) -> None:
         domain = self.domains[k]

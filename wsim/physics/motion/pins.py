@@ -35,7 +35,7 @@ class _Pinned:
         self.ends = ends
         self.part = len(pin.points) / len(self.places)       # of stiffness and damping: points between share them
         start = body.source.motion.points(body.source.points[pin.points], 0.0)
-        self.motion: Any = pin.motion if pin.follows is None else Following(pin.follows, ends)
+        self.motion: Any = pin.motion if pin.follows is None else _following(pin.follows, ends)
         self.locals = spread(pin.places if pin.places is not None else _local(pin.motion, start), ends)
 
     @property
@@ -66,28 +66,9 @@ class _Pinned:
         return self.locals @ M[:, :3, :3].swapaxes(1, 2) + (M[:, None, :3, 3] - self.body.origin)
 
 
-class Following:
-    """Places of a pin's points on a mesh that joints move, used like a `Motion`."""
-
-    def __init__(self, follow, ends: np.ndarray):
-        """follow: a `wsim.physics.animation.objects.Follow`; ends: points that each of those between is the middle of."""
-        self.follow, self.ends, self.plain = follow, ends, True
-
-    moves = property(lambda self: self.follow.moves)
-
-    @property
-    def by_keys(self) -> bool:
-        """As `Motion.by_keys`."""
-        bones = self.follow.skin.skeleton
-        return not bones.bodies and bones.motion.by_keys
-
-    def points(self, local: np.ndarray, time: float) -> np.ndarray:
-        """World places [m] at `time` [s]."""
-        return self.over(np.array([time]))[0]
-
-    def over(self, times: np.ndarray) -> np.ndarray:
-        """World places [m] at some times [s], (times, points, 3)."""
-        return spread(self.follow.over(times).swapaxes(0, 1), self.ends).swapaxes(0, 1)
+def _following(follow, ends: np.ndarray):
+    from wsim.physics.animation.pin_targets import Following
+    return Following(follow, ends)
 
 
 def _local(motion: Motion, places: np.ndarray) -> np.ndarray:
@@ -269,6 +250,9 @@ class Pins(Method):
         group, rows = self.groups[kind], self.target[kind].shape[0]
         if anew := self.changed or rows != len(at) or not np.array_equal(self.at.get(kind, np.zeros(0)), at):
             self.own[kind], self.at[kind] = [p.evaluated for p in group], at
+            moving = {p.pin.path for g in self.groups.values() for p in g if not p.evaluated and p.motion.moves}
+            moving -= {p.pin.path for p in self.driven}
+            self.evaluates["targets"] = sorted(moving)
         own = self.own[kind]
         if kind == "hard":
             self.pull.zero_()

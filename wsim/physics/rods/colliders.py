@@ -75,7 +75,7 @@ class Obstacles:
                 mesh.refit()
         if self.posed and not any(c.motion.moves for c in self.colliders):
             return
-        found = np.array([[c.motion.at(float(t)) for c in self.colliders] for t in times])
+        found = np.stack([c.motion.sampled(times) for c in self.colliders], axis=1)
         self.table.frame.assign(found)
         self.table.back.assign(np.linalg.inv(found))
         self.posed = True

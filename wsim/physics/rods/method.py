@@ -204,6 +204,8 @@ class Strands(Method):
             self.obstacles.resize(n)
             self.loads.put_tables(self.strands, n)
         times = time + clock.dt / n * np.arange(n + 1)
+        self.evaluates["pins"] = [p.path for p in self.table.pins if p.motion.moves]
+        self.evaluates["poses"] = [c.path for c in self.obstacles.colliders if c.motion.moves]
         if self.table.pins:
             self.holds.frame.assign(self.table.frames(times[1:]))
         self.loads.upload(self.strands, times[1:])

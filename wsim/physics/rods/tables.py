@@ -155,5 +155,5 @@ class Table:
         """Frames of pins at some times [s], (times, pins, 4, 4)."""
         found = np.tile(np.eye(4), (len(times), max(1, len(self.pins)), 1, 1))
         for k, pin in enumerate(self.pins):
-            found[:, k] = [pin.motion.at(float(t)) for t in times] if pin.motion.moves else pin.motion.at(0.0)
+            found[:, k] = pin.motion.sampled(times) if pin.motion.moves else pin.motion.at(0.0)
         return found

@@ -203,6 +203,7 @@ def report(sim, with_profile: bool = True) -> dict:
         "points_per_second": plan.model.points * a_second,
         "constraints_per_second": a_substep * a_second, "bodies_per_second": sizes.get("bodies", 0) * a_second,
         "seconds": dict(sim.seconds), "captures": sim.graphs.told(), "error": error,
+        "host": sim.host.told(plan.methods),
         "predicted": {"ms_per_frame": 1e3 * plan.seconds, "error": plan.choice.error,
                       **(sim.measured.report() if sim.measured else {})},
         "stages": [{k: r[k] for k in ("name", "phase", "launches", "bytes")} | {"ms": spent.get(r["name"])}

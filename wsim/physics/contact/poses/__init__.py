@@ -75,6 +75,13 @@ class Poses:
         self.few = np.flatnonzero(moving)
         self.forming = [(rows.meshes[k], np.flatnonzero(rows.collider == k)) for k in np.flatnonzero(forming)]
 
+    def on_host(self) -> dict[str, list[str]]:
+        """What the host evaluates before every frame: motions that are no curves, meshes by curves that are not straight."""
+        each = list(zip(self.rows.colliders, self.rows.meshes, strict=True))
+        return {"poses": [c.path for c, _ in each if c.motion.moves and not c.motion.by_keys],
+                "points": [c.path for c, mesh in each
+                           if mesh is not None and mesh.moves and not getattr(mesh.surface.poses, "plain", True)]}
+
     def _upload(self, number: np.ndarray, times: np.ndarray, gap: np.ndarray) -> None:
         """Of the distinct colliders of these numbers, on the host."""
         c, rows = self.table, self.rows

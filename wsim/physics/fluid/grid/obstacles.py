@@ -33,6 +33,11 @@ class Obstacles:
         self.covers = [kernels.covers(dim, a, shapes.kinds, shapes.bodies, real, module) for a in axes]
         self.body = [threads.zeros(n, int) for n in sizes] if shapes.bodies else [None] * dim       # of each face; -1: none's
 
+    def pose(self, time: float, dt: float) -> None:
+        """A frame begins at `time` [s]."""
+        if self.moving:
+            self.shapes.pose(time, dt)
+
     def update(self) -> None:
         """Moves the obstacles to where they are at the end of the step."""
         shape = wp.vec3i(*self.layout.nodes())

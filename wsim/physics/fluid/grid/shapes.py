@@ -80,6 +80,7 @@ class Shapes:
             axes=wp.vec3i(*axes, *(0,) * (3 - len(axes))), dx=model.real(cell))
         self.follow = kernels.follow(model.real, model.module) if any(hasattr(thing, "rows") for thing in things) else None
         self.shift = np.zeros((n, 3))                          # [m] added to where motions say that they are
+        self.posed: tuple = ()                                 # what was uploaded last
         self.pose(0.0, 1.0)
 
     def _code(self, thing: Any) -> int:
@@ -119,6 +120,11 @@ class Shapes:
         return any(thing.motion.moves or forms(thing) for thing in self.things) or self.bodies
 
     @property
+    def moved(self) -> list[str]:
+        """Paths of those that go by a motion, which is evaluated before frames."""
+        return [thing.path for thing in self.things if thing.motion.moves]
+
+    @property
     def bodies(self) -> bool:
         """Some are of rigid bodies (`wsim.physics.fluid.shells`)."""
         return any(getattr(thing, "body", -1) >= 0 for thing in self.things)
@@ -126,9 +132,14 @@ class Shapes:
     def pose(self, time: float, dt: float) -> None:
         """Uploads where the frame from `time` [s] begins, and how fast all moves through it, dt [s] long."""
         self._form(time, dt)
-        first, last = (np.array([thing.motion.at(t) for thing in self.things]) for t in (time, time + dt))
-        turns = [rotation.axis_angle(B[:3, :3] @ A[:3, :3].T) for A, B in zip(first, last, strict=True)]
-        turn = np.array([angle * axis for axis, angle in turns]).reshape(-1, 3)
+        now = dt, self.shift.tobytes(), [id(thing.motion) for thing in self.things]
+        if self.posed == now and not self.moving:
+            return
+        self.posed = now
+        M = np.array([thing.motion.sampled([time, time + dt]) for thing in self.things]).reshape(-1, 2, 4, 4)
+        first, last = M[:, 0], M[:, 1]
+        axis, angle = rotation.axis_angle(last[:, :3, :3] @ first[:, :3, :3].swapaxes(1, 2))
+        turn = angle[:, None] * axis
         values = {"place": first[:, :3, 3] - self.corner + self.shift, "turn": rotation.quaternion(first[:, :3, :3]),
                   "speed": (last[:, :3, 3] - first[:, :3, 3]) / dt, "spin": turn / dt}
         for name, value in values.items():

@@ -52,12 +52,16 @@ class Sources:
         self.table.velocity.assign(velocity)
         curves = [(s.strength, np.asarray(new.get("strength", s.strength.values), np.float64))
                   for s, new in zip(self.sources, changed, strict=True)]
+        self.known: list | None = None                         # those that were uploaded last
         self.strengths = [Curve(curve.times, np.broadcast_to(values, curve.values.shape)) for curve, values in curves]
         self.shapes.shift = np.array(now("place")) - [s.place for s in self.sources]
 
     def pose(self, time: float, dt: float) -> None:
         """A frame begins at `time` [s]."""
         self.shapes.pose(time, dt)
+        if self.known is self.strengths and not any(curve.moves for curve in self.strengths):
+            return
+        self.known = self.strengths
         self.table.strength.assign(np.array([[float(s.at(t)) for t in (time, time + dt)] for s in self.strengths],
                                             self.threads.model.dtype))
 

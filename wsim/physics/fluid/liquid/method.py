@@ -123,10 +123,10 @@ class Liquids(Method):
             self.settled = True
         for domain in self.domains:
             domain.weigh(self.gravity[domain.world], clock.dt)
-            if domain.obstacles and domain.obstacles.moving:
-                domain.obstacles.shapes.pose(time, clock.dt)
-            if domain.flow:
-                domain.flow.pose(time, clock.dt)
+            for group in filter(None, (domain.obstacles, domain.flow)):
+                group.pose(time, clock.dt)
+        each = [group for domain in self.domains for group in (domain.obstacles, domain.flow) if group]
+        self.evaluates["poses"] = list(dict.fromkeys(path for group in each for path in group.shapes.moved))
 
     def advance(self, clock: Clock) -> None:
         self.more = more = max(1, clock.substeps // self.base)   # of a frame that is repeated with smaller steps

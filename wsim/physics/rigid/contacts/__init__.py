@@ -156,23 +156,23 @@ class Contacts:
         known = (clock.substeps, tuple([id(c.motion) for c in self.colliders]))
         if self.poses_of == known and not self.moves:
             return
-        self.moves = moves = any(c.motion.moves for c in self.colliders)
+        self.method.evaluates["poses"] = [c.path for c in self.colliders if c.motion.moves]
+        self.moves = moves = bool(self.method.evaluates["poses"])
         if self.method.sleep and self.poses_of and self.poses_of != known:
             self.method.sleep.wake()
         rows, h, n = clock.substeps + 1 if moves else 1, clock.h, len(self.colliders)
-        times = time + h * np.arange(rows + moves)
-        M = np.array([c.motion.sampled(times) for c in self.colliders]).reshape(n, rows + moves, 4, 4).swapaxes(0, 1)
+        M = np.array([c.motion.sampled(time + h * np.arange(rows + moves)) for c in self.colliders])
+        M = M.reshape(n, rows + moves, 4, 4).swapaxes(0, 1)
         x, q = M[:, :, :3, 3] - self.still_origin, quaternion(M[:, :, :3, :3])
         v, omega = np.zeros_like(x), np.zeros_like(x)
         if moves:
             v, omega = (x[1:] - x[:-1]) / h, angular_velocity(q[:-1], q[1:], h)
-        values = (x[:rows], q[:rows], v[:rows], omega[:rows])
         if self.poses_of != known:
             t = types(self.real)
             arrays = [wp.zeros((rows, n), dtype=each, device=self.device) for each in (t.vec3, t.quat, t.vec3, t.vec3)]
             self.still = filled(self.Still, moving=int(moves), x=arrays[0], q=arrays[1], v=arrays[2], omega=arrays[3])
             self.poses_of = known
-        for name, value in zip(("x", "q", "v", "omega"), values, strict=True):
+        for name, value in zip(("x", "q", "v", "omega"), (x[:rows], q[:rows], v[:rows], omega[:rows]), strict=True):
             getattr(self.still, name).assign(np.ascontiguousarray(value, self.model.dtype))
         if not moves:
             self.broad.place_colliders(0, 0.0)

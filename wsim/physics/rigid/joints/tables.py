@@ -178,7 +178,8 @@ class Joints:
         """Uploads the poses of anchors at the substeps of a frame; still ones once; what drives are asked for."""
         if self.aims:
             self.aims.before_frame(time, clock)
-        moves = any(j.motion.moves for j in self.joints)
+        self.method.evaluates["anchors"] = [j.path for j in self.joints if j.motion.moves]
+        moves = bool(self.method.evaluates["anchors"])
         known = (clock.substeps, tuple(id(j.motion) for j in self.joints))
         if self.known == known and not moves:
             return
