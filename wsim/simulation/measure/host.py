@@ -30,7 +30,7 @@ class Host:
             self.seconds[what] = self.seconds.get(what, 0.0) + spent
 
     def before_frame(self, sim) -> None:
-        """What methods do on the host before a frame."""
+        """Calls `Method.before_frame` of all methods."""
         for method in sim.plan.methods:
             self.call(method.name, method.before_frame, sim.time, sim.plan.clock)
 
@@ -42,7 +42,7 @@ class Host:
             self.frames += 1
 
     def told(self, methods) -> list[dict]:
-        """What took time: what, ms a frame, and what is evaluated there in NumPy; the longest first."""
+        """Rows of what took time: what, ms a frame, and what is evaluated there in NumPy; the longest first."""
         works = {method.name: [f"{what} of {path}" for what, paths in method.evaluates.items() for path in paths]
                  for method in methods}
         each = {what: 1e3 * spent / max(self.frames, 1) for what, spent in self.seconds.items()}
