@@ -5,8 +5,9 @@ took 9,953 of them, of which 1,216 differ. Here a module is loaded as parts, eac
 the options. What modules hold, their names and when they are loaded stays as in a simulation, and so do the bits. Tests that
 run `wsim` in a process of its own compile whole modules; tests/physics/compiled/test_alone.py compares both in this one.
 
-Modules that call `wp.grad` stay whole: Warp 1.19 leaves the adjoints of nested functions empty, without a word, where no other
-kernel of the module asks for them.
+Of a function that is given to `wp.grad`, Warp 1.19 leaves adjoints of nested functions empty, without a word, where no other
+kernel of the module asks for them. Here all that it calls is marked before it is compiled, and nothing else: marks stay for the
+life of a process.
 """
 
 import re
@@ -21,7 +22,7 @@ from wsim.model import kernel_cache
 WHOLE: list[bool] = []                # not empty: modules are compiled whole
 MADE: dict[tuple, ModuleExec] = {}    # executables of one kernel each, by hash and options
 PARTED: set[str] = set()              # names of modules that were loaded as parts
-GRAD = "wp.grad("
+GRAD = re.compile(r"\bwp\.grad\((\w+)\)")
 OF_SCENE = re.compile("wsim_(?:[0-9a-f]{12}_|report_)")
 LOAD, FOLDERS = wp.Module.load, kernel_cache._folders
 
@@ -51,22 +52,30 @@ def part(kernel, digest: bytes, options: str, module: wp.Module, device, block_d
         alone.options, alone.defer_reference_scan = dict(module.options), True
         alone.register_kernel(kernel)
         alone.name = f"{kernel.key}_{alone.get_module_hash(block_dim).hex()[:8]}"        # of no other kernel, for LLVM
-        for function in functions(alone, block_dim):
-            function.adj.force_adjoint_codegen = False           # left by a `wp.grad` of another module
+        mark_differentiated(alone, block_dim)
         MADE[key] = LOAD(alone, device, block_dim)
     return MADE[key]
 
 
-def functions(module: wp.Module, block_dim: int) -> list[wp.Function]:
-    """What the kernels of a module call."""
-    return [each for f in module.hashers[block_dim].function_hashes
-            for each in (f, *f.user_overloads.values(), *f.user_templates.values()) if each.adj]
+def mark_differentiated(module: wp.Module, block_dim: int) -> None:
+    """Marks the functions that a module differentiates by `wp.grad`, and those that they call, and no others."""
+    hasher = module.hashers[block_dim]
+    called = [each for f in hasher.function_hashes for each in variants(f)]
+    for each in called:
+        each.adj.force_adjoint_codegen = False
+    named = [each.adj.resolve_external_reference(name) for each in (*hasher.unique_kernels.values(), *called)
+             for name in GRAD.findall(each.adj.source)]
+    todo = [each for f in named for each in variants(f)]
+    while todo:
+        adj = todo.pop().adj
+        if not adj.force_adjoint_codegen:
+            adj.force_adjoint_codegen = True
+            todo += [each for f in adj.get_references()[2] for each in variants(f)]
 
 
-def graded(module: wp.Module, block_dim: int) -> bool:
-    """Whether a kernel of a module, or a function that one calls, calls `wp.grad`."""
-    kernels = module.hashers[block_dim].unique_kernels.values()
-    return any(GRAD in each.adj.source for each in (*kernels, *functions(module, block_dim)))
+def variants(function: wp.Function) -> list[wp.Function]:
+    """A function with its overloads; nothing of one that is Warp's own."""
+    return [each for each in (function, *function.user_overloads.values(), *function.user_templates.values()) if each.adj]
 
 
 def load(module: wp.Module, device, block_dim: int | None = None, *files, **more) -> ModuleExec:
@@ -79,8 +88,6 @@ def load(module: wp.Module, device, block_dim: int | None = None, *files, **more
         return LOAD(module, device, block_dim, *files, **more)
     made, digest = module.execs.get((None, block)), module.get_module_hash(block)
     if made is None or made.module_hash != digest:
-        if graded(module, block):
-            return LOAD(module, device, block_dim)
         made = module.execs[None, block] = Parts(module, device, block)
         PARTED.add(module.name)
     return made
