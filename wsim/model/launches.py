@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
+from math import prod
 from typing import Any
 
 from wsim.model.structs import filled, values
@@ -139,6 +140,7 @@ class LaunchList:
 
 MANY = 1000              # launches of a frame from which substeps are a loop on the device: a GPU captures 30 in a millisecond
 PEELED = 3               # substeps whose launches the graph of a loop has
+ROOM, OF_POINT = 1 << 20, 256    # bytes for rows of tables that a loop reads, and as many more for each point
 
 
 def loop_of(plan) -> Loop | None:
@@ -162,6 +164,10 @@ class Loop:
         model.modules[loop.MODULE] = model.block
         self.number, self.going = (wp.zeros(1, dtype=int, device=model.device) for _ in range(2))
         self.windows: dict[tuple, tuple] = {}              # by table and rows: table, window, both as whole numbers
+        # on a GPU, where a loop's body cannot allocate memory
+        room = (ROOM + OF_POINT * model.points) // 4 if model.device.is_cuda else 0
+        self.room = wp.zeros(room, dtype=int, device=model.device)
+        self.used = 0                                      # whole numbers of `room`
 
     def repeat(self, run: Callable[[int], Any], first: int, last: int) -> None:
         """Calls `run(k)`, which launches substep k, for the first, the last and one for all between."""
@@ -188,13 +194,25 @@ class Loop:
         import warp as wp
         key = table.ptr, table.shape, table.dtype, count
         if key not in self.windows:
-            window = wp.zeros((count, *table.shape[1:]), dtype=table.dtype, device=table.device)
+            window = self._window((count, *table.shape[1:]), table)
             views = [wp.array(ptr=a.ptr, dtype=int, shape=(len(a), a.strides[0] // 4), device=a.device)
                      for a in (table, window)]
             self.windows[key] = table, window, *views
         _, window, source, into = self.windows[key]
         self.model.launch(self.pick, into.shape, [source, self.number], [into])
         return window
+
+    def _window(self, shape: tuple[int, ...], table):
+        """An array of the type of a table, on a GPU cut from `room`."""
+        import warp as wp
+        if not table.device.is_cuda:
+            return wp.zeros(shape, dtype=table.dtype, device=table.device)
+        size = -(-prod(shape) * wp.types.type_size_in_bytes(table.dtype) // 16) * 4               # begins at 16 bytes
+        if self.used + size > self.room.size:
+            raise RuntimeError(f"a loop over substeps reads rows of {4 * (self.used + size)} bytes, and has room for "
+                               f"{4 * self.room.size}: raise ROOM in wsim/model/launches.py")
+        self.used += size
+        return wp.array(ptr=self.room.ptr + 4 * (self.used - size), dtype=table.dtype, shape=shape, device=table.device)
 
     def table(self, table, names: tuple[tuple[str, int], ...]):
         """A struct of which the tables of these names are read likewise. names: with how many rows of each."""
