@@ -33,11 +33,11 @@ ALL, HELD, RIGID, STILL = 8, 9, 10, 11   # rounds from which on: all are cut; pa
 ROUNDS = 12
 # words that a frame leaves behind: pairs that there was no room for; substeps that were projected, of rounds; cut; most percent
 # of its motion that a point lost; substeps in which all were cut; in which some were held; pairs that began too near, at most;
-# searches; points that were cut; 1: pairs are listed; pairs with colliders that are left without a proof, over all substeps;
-# the place of a point of one, and 1; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and of what was cut of it;
-# substeps running in which a point lost more than LOSS of its motion, at most and at the end; of the colliders of pairs that
-# are left without a proof the last, its number and 1, and the first, MOST less its number; percent of a mean edge by which
-# surfaces that met came nearer in a substep, at most, where it was more than one
+# searches; points that were cut; 1: pairs are listed, 2: some may push; pairs with colliders that are left without a proof,
+# over all substeps; the place of a point of one, and 1; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and of
+# what was cut of it; substeps running in which a point lost more than LOSS of its motion, at most and at the end; of the
+# colliders of pairs that are left without a proof the last, its number and 1, and the first, MOST less its number; percent of a
+# mean edge by which surfaces that met came nearer in a substep, at most, where it was more than one
 WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY, PINCHED, WHERE = range(13)
 MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER, FAST = range(13, 20)
 SAID, MOST = 20, 1 << 30
@@ -180,7 +180,7 @@ def tell(real, module):
         words[pairs.FAST] = 0
         words[pairs.SWEPT] = 0
         words[pairs.TURNED] = 0
-        said[BUSY] = wp.max(words[pairs.NEAR], words[pairs.PROOF])
+        said[BUSY] = wp.where(words[pairs.BEHIND] > words[pairs.EPOCH], 2, wp.max(words[pairs.NEAR], words[pairs.PROOF]))
         said[SEARCHES] = said[SEARCHES] + words[pairs.MADE]
         words[pairs.MADE] = 0
         words[pairs.EPOCH] = words[pairs.EPOCH] + 1

@@ -184,11 +184,11 @@ def carried(real):
 @cache
 def axes(real, module):
     """Kernel: tubes, where lists are made: A before the substep is 1; lead: the least that one of the points has, from what
-    stands there on. Behind a list for a proof all have `narrow` beta."""
+    stands there on. Behind a list for a proof all have `narrow` beta. tube: < 1: all have so much of beta."""
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lay_axes(s: Surfaces, at: State, narrow: real, words: wp.array(dtype=int), f: Frames):
+    def lay_axes(s: Surfaces, at: State, narrow: real, tube: real, words: wp.array(dtype=int), f: Frames):
         i = s.point[wp.tid()]
         p = (at.x[i] + s.shift[i]) + at.e[i]
         q = wp.transform_point(wp.transform_inverse(f.frame[1]), (at.x[i] + s.shift[i]) + at.d[i])
@@ -205,6 +205,8 @@ def axes(real, module):
         wide = wp.max(f.off[i] * last / wp.max(held * f.most[0], real(1.0e-30)), real(STAYS) * f.beta[i])
         least = wp.where(f.part[0] < real(1.0), narrow, real(1.0))
         f.beta[i] = wp.where(least < real(1.0), least * s.beta, wp.clamp(wide, s.beta, widest))
+        if tube < real(1.0):
+            f.beta[i] = tube * s.beta
         f.least[0] = least
         f.off[i] = real(0.0)
         f.start[i] = p
@@ -242,7 +244,9 @@ def thin(real, module):
 @cache
 def watch(real, module):
     """Kernel: counts points that are out of their tubes where the substep ends, or began, in words[OUT]; words[SOON] where one
-    would leave it in the next substep. In a frame that a list had no room in: neither."""
+    would leave it in the next substep. In a frame that a list had no room in: neither. fresh 1: of a list that was just made,
+    in the frame that goes by R. What a chord leaves the arc by differs between two points by theta^2 / 8 of their distance
+    alone, which is what they go beside R, and the width of their tubes, where they may meet."""
     t = types(real)
     Surfaces, State, Frames = pairs.surfaces(real), states(real), frames(real)
 
@@ -252,7 +256,7 @@ def watch(real, module):
         return wp.length((p - f.start[i]) - real(wp.min(k, f.lead[0])) * f.way[i])
 
     @wp.kernel(module=module, enable_backward=False)
-    def watch_tubes(s: Surfaces, at: State, f: Frames, words: wp.array(dtype=int)):
+    def watch_tubes(s: Surfaces, at: State, f: Frames, fresh: int, words: wp.array(dtype=int)):
         if words[pairs.LACKED] > 0:
             return
         i = s.point[wp.tid()]
@@ -260,7 +264,10 @@ def watch(real, module):
         q0 = wp.transform_point(wp.transform_inverse(f.frame[0]), p + at.e[i])
         q1 = wp.transform_point(wp.transform_inverse(f.frame[1]), p + at.d[i])
         v = f.rigid[2]
-        sag = real(0.5) * wp.length(p - f.rigid[0]) * wp.dot(v, v)
+        arm = wp.length(p - f.rigid[0])
+        if fresh > 0:
+            arm = wp.length(f.way[i]) + real(2.0) * (f.beta[i] + s.reach[i])
+        sag = real(0.5) * arm * wp.dot(v, v)
         size = wp.length(p) + wp.length(wp.transform_get_translation(f.frame[1]))
         room = f.beta[i] - sag - real(64.0) * s.ulp * size
         k = words[pairs.AGE]

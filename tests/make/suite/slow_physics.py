@@ -293,7 +293,8 @@ PHYSICS = {
         "test_results_are_the_same_from_run_to_run": [],
         "test_a_list_without_room_is_made_again_though_one_for_a_proof_follows": []},
     "physics/selfcontact/test_layers.py": {
-        "test_fifty_layers_that_are_thrown_and_turn_keep_their_path_and_their_turn": ["newton midpoint", "leapfrog"]},
+        "test_fifty_layers_that_are_thrown_and_turn_keep_their_path_and_their_turn": ["newton midpoint", "leapfrog"],
+        "test_a_block_of_jelly_that_falls_on_another_does_not_enter_it": ["explicit", "implicit"]},
     "physics/selfcontact/test_momentum.py": {
         "test_two_sheets_that_collide_keep_their_momentum_and_do_not_bounce": ["xpbd bdf2", "newton", "newton bdf2",
             "newton midpoint", "rk4", "leapfrog"],
@@ -307,8 +308,6 @@ PHYSICS = {
             "leapfrog", "rk4"],
         "test_a_folded_cloth_at_rest_on_a_cloth_is_calm_by_the_midpoint": [],
         "test_a_folded_cloth_at_rest_is_not_read_as_falling_by_rk4": []},
-    "physics/selfcontact/test_soft.py": {
-        "test_a_block_of_jelly_that_falls_on_another_does_not_enter_it": ["explicit", "implicit"]},
     "physics/selfcontact/test_tree.py": {
         "test_boxes_that_meet_are_found_once": ["12"]},
     "physics/soft/test_plastic.py": {

@@ -6,6 +6,11 @@ ways beside the common motion. Points that have left their tubes ask for a list 
 empty, the frame holds too. Else it is repeated with all stages. An explicit integrator on which nothing else acts takes such
 frames whole. Mesh colliders that move turn as they like within a frame: then all frames have all stages, and so they have
 where strands of rods take part.
+
+A frame that is tried without stages in vain has cost its time. So behind one the next has all stages, behind a second two
+in a row, then four, LONGEST at most: a cloth that swings by its corners goes further in a frame than its edges are long, and a
+look at the whole frame says too little. How many are to come is kept with the state, so that a restart goes on to the bit:
+explicit steps begin otherwise behind frames without stages.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs, tubes
 from wsim.model.stage import FREE, Clock, Stage
+from wsim.model.state import Field, Part
 from wsim.model.structs import filled
 
 if TYPE_CHECKING:
@@ -26,6 +32,10 @@ if TYPE_CHECKING:
     from wsim.simulation.methods import Build
 
 ENDLESS = 1e30         # [m] that points may go within explicit frames: they are looked at where these end
+TUBE = 0.25            # of the least radius of tubes: of those about ways whose both ends are known
+LONGEST = 8            # frames with all stages, at most, behind one that was tried without them in vain
+FIELDS = (Field("surfaces_wait", "1", True, "frames to come that have all stages of self-contact at once", "int"),
+          Field("surfaces_tried", "1", True, "frames in a row that were tried without them in vain", "int"))
 
 
 class Apart:
@@ -43,18 +53,35 @@ class Apart:
         self.word = wp.zeros(1, dtype=int, device=device)
         parts = b.state.points
         self.x, self.e = (parts.aside[k * parts.capacity:(k + 1) * parts.capacity] for k in map(parts.names.index, ("x", "e")))
+        self.part = Part.allocate("near surfaces", FIELDS, 1, real, device)
+        self.part.rows = {(method.surfaces.bodies[0].path, 0): np.array([0])}
+        b.state.add(self.part)
+        self.wait, self.tried, self.vain = 1, 0, False      # vain: the frame has been tried without stages, and repeated
         self.stage = Stage("apart", "deform", self.look, 8, 9 * n * np.dtype(b.model.dtype).itemsize, "frame",
                            "tubes of a whole frame", FREE)
 
-    def enter(self, clock: Clock, busy: bool) -> None:
+    def enter(self, clock: Clock) -> None:
         """The form that a frame takes first; colliders have had their say."""
-        o = self.method.obstacles
-        apart = not busy and not clock.starting and not (o and o.moves)      # straight ways are not those of what turns
+        o, self.vain = self.method.obstacles, False
+        apart = self.wait == 0 and not clock.starting and not (o and o.moves)      # straight ways are not those of what turns
         apart = apart and not self.method.strands                            # whose substeps these are
         contact = self.model.scene.colliders
         clock.free = apart and (clock.free or not contact)
         if self.whole:
             clock.after_free = apart
+
+    def end(self, clock: Clock, busy: bool) -> None:
+        """A frame holds. busy: surfaces were about to push each other where it ended."""
+        before = self.wait, self.tried
+        self.tried = 0 if clock.free else self.tried + self.vain
+        self.wait = 0 if clock.free else min(1 << (self.tried - 1), LONGEST) if self.vain else max(self.wait - 1, int(busy))
+        if before != (self.wait, self.tried):
+            for name, value in (("surfaces_wait", self.wait), ("surfaces_tried", self.tried)):
+                self.part.arrays[name].fill_(value)
+
+    def resumed(self) -> None:
+        """A run goes on exactly where an earlier one has ended."""
+        self.wait, self.tried = (int(self.part.arrays[field.name].numpy()[0]) for field in FIELDS)
 
     def look(self, clock: Clock) -> None:
         """Where a frame ends that had no stages of self-contact."""
@@ -65,9 +92,22 @@ class Apart:
             at = self.method.surfaces.borrow(self.model, at)
         near.move(at, 0)
         near.look(at)
-        wp.capture_if(near.word(pairs.OUT), lambda: near.search(at, 1))
+        wp.capture_if(near.word(pairs.OUT), lambda: self.search_twice(at))
         near.word(pairs.OUT).zero_()
         self.method.guarantee.close(self.method.said)
+
+    def search(self, at, tube: float = 1.0) -> None:
+        """A list along the ways of the frame. Points that their tubes do not hold on a way that turns count as near."""
+        near = self.method.near
+        near.search(at, 1, tube=tube)
+        near.word(pairs.OUT).zero_()
+        near.look(at, 1)
+        wp.capture_if(near.word(pairs.OUT), lambda: near.word(pairs.NEAR).fill_(1))
+
+    def search_twice(self, at) -> None:
+        """The list; where it has pairs, again in tubes that hold these ways and little more."""
+        self.search(at)
+        wp.capture_if(self.method.near.word(pairs.NEAR), lambda: self.search(at, TUBE))
 
     def look_at(self, x: wp.array, d: wp.array) -> None:
         """Bounds within a frame: there are none."""

@@ -72,7 +72,7 @@ class SelfContact(Method):
         self.guarantee = Guarantee(b.model, self.near, b.clock.integrator.beyond)     # far from where normals of before are
         self.total, self.frames, self.repeats, self.run = np.zeros(cut.SAID, np.int64), 0, 0, 0
         self.swept = self.taken = 0.0    # sum of m |d|^2 h of all substeps [kg m^2 s], and what cuts took of m |d|^2
-        self.often, self.fresh, self.busy, self.stopped = False, True, True, False
+        self.often, self.fresh, self.stopped = False, True, False
         self.sweeps = SWEEPS if within else BEHIND
         real, module = b.model.real, sweeps(b.model, turns)
         self.lean, self.press = rows.lean(real, module), rows.press(real, module, turns)
@@ -227,7 +227,7 @@ class SelfContact(Method):
 
     def enter(self, clock: Clock) -> None:
         self.often, self.fresh, self.stopped = False, not self.stopped, False
-        self.apart.enter(clock, self.busy)
+        self.apart.enter(clock)
 
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.fresh:
@@ -243,9 +243,10 @@ class SelfContact(Method):
 
     def retry(self, status: Status) -> list[Remedy]:
         said = status.said(SAID)
-        wanted, self.busy = int(said[cut.WANTED]), bool(said[cut.BUSY])
+        wanted = int(said[cut.WANTED])
         if self.clock.free:
-            return [Remedy("meet")] if self.busy or wanted else []
+            self.apart.vain = bool(said[cut.BUSY] or wanted)
+            return [Remedy("meet")] if self.apart.vain else []
         if wanted:
             return [Remedy("room", lambda: self.grow(wanted), keeps=True)]
         if self.fast.shortens(said):
@@ -281,7 +282,11 @@ class SelfContact(Method):
         moved, taken = said[[cut.MOVED, cut.TAKEN]].astype(np.int32).view(np.float32)
         self.swept, self.taken = self.swept + float(moved) * self.clock.h, self.taken + float(taken)
         self.frames += 1
+        self.apart.end(self.clock, said[cut.BUSY] > 1)
         return frame_warnings(self, said)
+
+    def resumed(self, time: float) -> None:
+        self.apart.resumed()
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
         """Those of the list, `Near.told`; searches, projected and cut substeps, held ones, of all frames; repeated: frames, for

@@ -186,13 +186,13 @@ class Near:
             launch(self.fold, (out.shape[0], tubes.COLUMNS), [rows], [out])
         launch(self.fit, 1, [m[-1], fresh], [self.frames])
 
-    def search(self, at, most: int = tubes.LEAD, begins: int = 0, solved: bool = False) -> None:
+    def search(self, at, most: int = tubes.LEAD, begins: int = 0, solved: bool = False, tube: float = 1.0) -> None:
         """Makes the list, by what `at` holds, for so many substeps at most. begins 1: before the substep is solved;
-        solved: behind that, where it may be for a proof of this substep alone."""
+        solved: behind that, where it may be for a proof of this substep alone; tube: as `kernels.selfcontact.tubes.axes`."""
         launch, s, f = self.model.launch, self.surfaces, self.frames
         self.move(at, 1)
         f.lead.fill_(most)
-        launch(self.axes, len(s.points), [s.data, at, self.narrow, self.words], [f])
+        launch(self.axes, len(s.points), [s.data, at, self.narrow, tube, self.words], [f])
         f.part.fill_(1.0)
         if solved:
             launch(self.thin, len(s.points), [s.data, self.words], [f])
@@ -205,9 +205,9 @@ class Near:
         launch(self.sift, self.threads, [s.data, f, self.found_at.at, self.threads], [self.listed_at.at])
         launch(self.listed, 1, [self.found_at.at, begins, len(s.points)], [self.listed_at.at, f, self.words])
 
-    def look(self, at) -> None:
-        """Looks whether points are in their tubes where the substep ends."""
-        self.model.launch(self.watch, len(self.surfaces.points), [self.surfaces.data, at, self.frames], [self.words])
+    def look(self, at, fresh: int = 0) -> None:
+        """Looks whether points are in their tubes where the substep ends. fresh: as `kernels.selfcontact.tubes.watch`."""
+        self.model.launch(self.watch, len(self.surfaces.points), [self.surfaces.data, at, self.frames, fresh], [self.words])
 
     def pushing(self, free: bool) -> tuple[np.ndarray, np.ndarray]:
         """Rows that push in the last substep, (rows, 4, 4) by pairs.B ..., and their points, (rows, 4): those of its sweeps,
