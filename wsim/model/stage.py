@@ -202,11 +202,6 @@ class Method:
     def meet(self, others: "Methods") -> None:
         """Connects itself with what other methods of the plan offer, when all are made."""
 
-    def carriers(self) -> dict[str, Any]:
-        """Carriers of this method, which contacts can push, by name (`wsim.physics.carrier.carriers`); asked for by methods
-        that push."""
-        return {}
-
     def retry(self, status: Status) -> list[Remedy]:
         """Remedies for what the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []

@@ -26,8 +26,7 @@ from typing import Any
 class Row:
     """owns: names of its dataclasses; unseen: those of them that results hold nothing of; posed: whether they only pose what
     others simulate; claims: names of USD types or applied APIs that its `usd` reads; without: why it is left out where a scene
-    lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within a substep, as
-    pairs of carriers do."""
+    lacks it; gradients: whether recordings differentiate through it; pushes: whether it acts on points within a substep."""
 
     name: str
     folder: str

@@ -7,10 +7,11 @@
     tell      the planes go with the body; kernels/contact/project.py then pushes the points as the star has foreseen
     take      the body gets the opposite of what its points have got, summed in a fixed order: momentum is kept to rounding
 
-An impulse is J = P / (w c), with c of the integrator (kernels/carrier/response.py), which moves a point's velocity by w J
-whatever integrates it. What a contact leaves is not always the velocity that the step has made of it: restitution, and BDF2,
-which throws back half of the speed it meets a wall with. So velocities behind a substep are solved for once more (`rise` in
-kernels/rigid/touch/rebound.py): along the normals of contacts that push, that of the way over h, or of a rebound,
+An impulse is J = P / (w c), with c of the integrator (2h/3 by BDF2, h/4 by the implicit midpoint, else h), which moves a
+point's velocity by w J whatever integrates it. What a contact leaves is not always the velocity that the step has made of it:
+restitution, and BDF2, which throws back half of the speed it meets a wall with. So velocities behind a substep are solved for
+once more (`rise` in kernels/rigid/touch/rebound.py): along the normals of contacts that push, that of the way over h, or of a
+rebound,
 
     n.v' = max(min(n.V / h, 0), -restitution n.v_before)          V: relative way; the latter where n.v_before < -slow
 

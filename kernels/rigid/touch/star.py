@@ -6,7 +6,7 @@ U = v + omega x r that of a place with the arm r, and P [m] the push on the poin
 
     lam = max(base + k n.U, least)                base = -(b + n.d0) of the contact plane b + n.d = 0, k = h, least = 0
     T   = -s  where |s| <= mu lam,  else -mu lam s / |s|        s = (slip - g U) across n,  slip = d0 - a - g u
-    J   = f (lam n + T)                           impulse on the point [N s], f = m / c (kernels/carrier/response.py)
+    J   = f (lam n + T)                           impulse on the point [N s], f = m / c (points.py)
 
     F(V) = M V - q + sum (J, r x J) = 0           q: momentum of the body without these impulses, less that of V = 0
 

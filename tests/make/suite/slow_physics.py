@@ -4,10 +4,6 @@ PHYSICS = {
     "physics/animation/test_skinning.py": {
         "test_a_character_is_where_usd_skins_it_at_frames_and_between": ["CesiumMan.usdz-classicLinear-float32"],
         "test_device_and_host_agree_with_blend_shapes_and_scales": ["dualQuaternion-True"]},
-    "physics/carrier/test_balls.py": {
-        "test_momentum_of_a_toy_carrier_and_a_cloth_is_kept": ["xpbd-backward_euler", "implicit-backward_euler",
-            "implicit-implicit_midpoint", "explicit-rk4", "implicit-bdf2", "xpbd-bdf2"],
-        "test_a_list_that_was_too_short_grows_and_the_frame_is_repeated_to_the_bit": ["False"]},
     "physics/cloth/test_bending.py": {
         "test_a_strip_bends_alike_on_every_mesh_with_order_two": ["skewed"],
         "test_solvers_come_to_rest_where_the_beam_does": ["xpbd-backward_euler-8"]},

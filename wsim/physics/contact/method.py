@@ -215,10 +215,6 @@ class Contact(Method):
             self.solved, self.after = True, trailed
             adjoint.enter("contacts", self.contacts, trailed)
 
-    def carriers(self) -> dict[str, Any]:
-        from wsim.physics.carrier.carriers import KinematicCarrier
-        return {"kinematic": KinematicCarrier(self.contacts)}
-
     def retry(self, status: Status) -> list[Remedy]:
         if self.clearance and self.clearance.hear():
             return [Remedy("meet")]

@@ -192,10 +192,6 @@ class Points(Method):
         self.model.launch(self.kernels["guard"], self.model.points, [self.state.x, self.state.v],
                           [self.status.word(NOT_FINITE)])
 
-    def carriers(self) -> dict[str, Any]:
-        from wsim.physics.carrier.carriers import PointCarrier
-        return {"points": PointCarrier(self.model, self.state, self)}
-
     def retry(self, status: Status) -> list[Remedy]:
         bad = int(status.said(NOT_FINITE)[0])
         return [Remedy("refine", part="points", row=bad - 1)] if bad else []

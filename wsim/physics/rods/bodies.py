@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from wsim.kernels.carrier import colour
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.touch import strand_contacts, strand_forces, strands
+from wsim.kernels.rigid.touch import groups, strand_contacts, strand_forces, strands
 from wsim.kernels.rods.tables import Borne
 from wsim.model.stage import Remedy
 from wsim.model.state import Field
@@ -65,7 +64,7 @@ class Bodies:
         self.leaning, self.crossing, self.measuring, self.taking = strands.bodily(module)
         self.pushing = strands.pushing(module)
         self.giving, self.cling = strands.ends(real, module)
-        self.bounds = colour.bounds(module)
+        self.bounds = groups.bounds(module)
         self.depth = ROOM
         self.room()
 

@@ -1,8 +1,8 @@
 """Surfaces that touch themselves and each other: contact rows among the constraints of a solver, and behind them the guarantee
 that no substep ends with an intersection that it did not begin with.
 
-XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps they come as impulses, BEHIND of them (as
-pairs of carriers do), and more while a pair would end at less than half of its distance: what is light between what is heavy
+XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps they come as impulses, BEHIND of them,
+and more while a pair would end at less than half of its distance: what is light between what is heavy
 takes hundreds. Newton's method solves for them (wsim/physics/selfcontact/newton_rows.py): sweeps move points by their masses
 alone, and the stretch of that gained energy; they come behind it for what strands push, and for pairs that are left
 too near. By leapfrog only where there are neither colliders nor strands: what is read behind

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.carrier import colour
 from wsim.kernels.math.real import types
+from wsim.kernels.rigid.touch import groups, rebound
 from wsim.kernels.rigid.touch import points as touch
-from wsim.kernels.rigid.touch import rebound
 from wsim.kernels.rigid.touch import star as stars
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.model.structs import filled
@@ -28,7 +27,7 @@ from wsim.scene import Collider, Motion
 
 LANES = 64                   # threads of a block that sum over the contacts of a body
 ROUNDS = 8                   # of stars and sweeps in a substep, at least, where bodies touch more than points
-SLOW = 0.05                  # [m/s] of approach below which nothing is thrown back, as wsim.physics.carrier.pairs.SLOW
+SLOW = 0.05                  # [m/s] of approach below which nothing is thrown back
 
 
 class Touch(Substeps):
@@ -60,7 +59,7 @@ class Touch(Substeps):
         self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
         self.before: Any = wp.zeros_like(b.state.x) if self.memory else None     # anchors before a search
         self.start: Any = None
-        self.bounds = colour.bounds(b.model.module)
+        self.bounds = groups.bounds(b.model.module)
         self.half: Half | None = None
         self.surfaces = False            # True: their sweeps come behind the last iteration
 
