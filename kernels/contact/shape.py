@@ -11,7 +11,9 @@ precision at the surface in float32.
 # before it is compiled.
 # ruff: noqa: SIM102, SIM108, UP018
 
+from collections.abc import Iterable
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import warp as wp
@@ -25,6 +27,14 @@ def add(kind: str, formula: Any) -> None:
     """Makes a convex shape of another place known. formula: a generic function of Warp, phi convex in q, |n| = 1."""
     if kind not in CONVEX and MORE.setdefault(kind, formula) is not formula:
         raise ValueError(f"there is another shape of colliders called {kind}")
+
+
+def make_known(rows: Iterable[Any], names: Iterable[str]) -> None:
+    """Adds the shapes of these names whose formula stands in another place; rows: as wsim/scene/solids.py has them."""
+    for row in rows:
+        if row.formula and row.kind in names:
+            place, _, name = row.formula.partition(":")
+            add(row.kind, getattr(import_module(place), name))
 
 
 def code(kind: str) -> int:

@@ -29,8 +29,9 @@ def nodes(dim: int, kinds: tuple[str, ...], real, module):
         y = s.spot(shapes, t.vec3(real(i[0]), real(i[1]), real(i[2])))
         time = clock[0] + clock[1]
         phi = real(1.0e9)
-        for k in range(shapes.kind.shape[0]):
-            phi = wp.min(phi, s.signed(shapes, k, y, time))
+        for k in range(shapes.of.kind.shape[0]):
+            if shapes.thin[k] == 0:
+                phi = wp.min(phi, s.signed(shapes.of, k, y, time))
         phi_out[c] = phi
 
     return wp.kernel(nodes, name=f"nodes_{s.name}", module=module, enable_backward=False)
@@ -113,13 +114,13 @@ def covers(dim: int, axis: int, kinds: tuple[str, ...], bodies: bool, real, modu
         nearest = real(1.0e9)
         v = t.vec3()
         body = int(-1)
-        for k in range(shapes.kind.shape[0]):
-            phi = s.signed(shapes, k, y, time)
+        for k in range(shapes.of.kind.shape[0]):
+            phi = s.signed(shapes.of, k, y, time)
             if phi < nearest:
                 nearest = phi
                 v = s.rate(shapes, k, y, time)
                 if wp.static(bodies):
-                    body = shapes.body[k]
+                    body = shapes.of.owner[k]
         rate_out[c] = v[wp.static(axis)]
         if wp.static(bodies):
             body_out[c] = body

@@ -48,7 +48,7 @@ def reach(dim: int, kinds: tuple[str, ...], real):
         strength = both[0] + (both[1] - both[0]) * at / clock[3]
         part = real(0.0)
         if strength != real(0.0):
-            phi = s.signed(sources.shapes, k, s.spot(sources.shapes, x), at)
+            phi = s.signed(sources.shapes.of, k, s.spot(sources.shapes, x), at)
             part = wp.clamp(real(0.5) - phi / sources.shapes.dx, real(0.0), real(1.0))
         return part, strength
 

@@ -32,6 +32,7 @@ def sources(real):
     @wp.struct
     class Sources:
         shapes: S.Shapes
+        walls: S.Shapes                        # obstacles: what is within one gives nothing there
         what: wp.array(dtype=int)
         velocity: wp.array(dtype=t.vec3)       # [m/s], along the axes of the grid
         strength: wp.array(dtype=t.vec2)
@@ -59,7 +60,7 @@ def reach(dim: int, kinds: tuple[str, ...], real):
         for k in range(sources.what.shape[0]):
             both = sources.strength[k]
             if sources.what[k] == what and both[0] + (both[1] - both[0]) * at / clock[3] > real(0.0):
-                if s.signed(sources.shapes, k, s.spot(sources.shapes, x), at) < real(0.0):
+                if s.signed(sources.shapes.of, k, s.spot(sources.shapes, x), at) < real(0.0):
                     found = k
         return found
 
@@ -82,11 +83,22 @@ def drain(dim: int, kinds: tuple[str, ...], real, module):
 
 
 @cache
-def vacancies(dim: int, kinds: tuple[str, ...], real):
+def vacancies(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real):
     """Functions: middle(i, m) -> place of part m of cell i [cells]; vacancies(g, particles, cells, of, clock, i) -> bits of the
     parts of cell i that lack a particle."""
     t, S, T, s = types(real), structs(real), tables(real), stencils(dim, real)
     Sources, within = sources(real), reach(dim, kinds, real)
+    solid = moved.functions(dim, walls or kinds, real)
+
+    @wp.func
+    def covered(of: Sources, x: t.vec3, time: real):
+        """Whether a place [cells] is within an obstacle."""
+        found = bool(False)
+        if wp.static(len(walls) > 0):
+            for k in range(of.walls.of.kind.shape[0]):
+                if solid.signed(of.walls.of, k, solid.spot(of.walls, x), time) < real(1.0e-3) * of.walls.dx:
+                    found = bool(True)
+        return found
 
     @wp.func
     def middle(i: wp.vec3i, m: int):
@@ -124,7 +136,7 @@ def vacancies(dim: int, kinds: tuple[str, ...], real):
             if k >= 0:
                 way = wp.length(of.velocity[k]) * clock[0] / g.dx
                 least = wp.max(real(0.5) - real(0.5) * way, real(LEAST))
-                if free(g, particles, cells, i, x, least):
+                if free(g, particles, cells, i, x, least) and not covered(of, x, clock[1]):
                     bits = bits | (1 << m)
         return bits
 
@@ -132,10 +144,10 @@ def vacancies(dim: int, kinds: tuple[str, ...], real):
 
 
 @cache
-def offer(dim: int, kinds: tuple[str, ...], real, module):
-    """Kernel over cells: how many particles come into each."""
+def offer(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], real, module):
+    """Kernel over cells: how many particles come into each. walls: kinds of the obstacles."""
     S, T, f, Sources = structs(real), tables(real), functions(dim, real), sources(real)
-    _, lacking = vacancies(dim, kinds, real)
+    _, lacking = vacancies(dim, kinds, walls, real)
 
     def offer(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
               count_out: wp.array(dtype=int)):
@@ -146,15 +158,15 @@ def offer(dim: int, kinds: tuple[str, ...], real, module):
             count += (bits >> m) & 1
         count_out[c] = count
 
-    return wp.kernel(offer, name=f"particles_offer_{dim}d_{'_'.join(kinds)}_{types(real).name}", module=module,
+    return wp.kernel(offer, name=f"particles_offer_{dim}d_{'_'.join((*kinds, *walls))}_{types(real).name}", module=module,
                      enable_backward=False)
 
 
 @cache
-def emit(dim: int, kinds: tuple[str, ...], affine: bool, real, module):
+def emit(dim: int, kinds: tuple[str, ...], walls: tuple[str, ...], affine: bool, real, module):
     """Kernel over cells: the particles that come into each, of those that were offered."""
     t, S, T, f, Sources = types(real), structs(real), tables(real), functions(dim, real), sources(real)
-    middle, lacking = vacancies(dim, kinds, real)
+    middle, lacking = vacancies(dim, kinds, walls, real)
     within = reach(dim, kinds, real)
 
     def emit(g: S.Grid, particles: T.Particles, cells: T.Cells, of: Sources, clock: wp.array(dtype=real),
@@ -179,7 +191,7 @@ def emit(dim: int, kinds: tuple[str, ...], affine: bool, real, module):
                         out.id[row] = coming.numbers[1] + k
                     k += 1
 
-    name = f"particles_emit{'_affine' * affine}_{dim}d_{'_'.join(kinds)}_{types(real).name}"
+    name = f"particles_emit{'_affine' * affine}_{dim}d_{'_'.join((*kinds, *walls))}_{types(real).name}"
     return wp.kernel(emit, name=name, module=module, enable_backward=False)
 
 

@@ -1,6 +1,6 @@
 """What is known on the faces of a liquid, into the air and into obstacles: a layer of faces a launch, each the mean of those
 beside it that layers before have reached (Bridson 2015, section 7.4). Exact where the field is the same everywhere. From layer
-KEPT on faces keep what particles there have brought: drops in the air are not dragged along.
+KEPT on faces keep what particles there have brought: drops in the air are not dragged along. Nothing comes through a thin wall.
 """
 
 # ruff: noqa: UP018
@@ -15,13 +15,13 @@ KEPT = 3
 
 
 @cache
-def extend(dim: int, real, module):
+def extend(dim: int, thin: bool, real, module):
     """Kernel over the faces of an axis: known, the layer of each face, 1: it is the liquid's; 0: not yet. Faces of this layer
-    are written, those of layers before are read."""
+    are written, those of layers before are read. cut: bits of thin walls (walls.py)."""
     S, f = structs(real), functions(dim, real)
 
-    def extend(g: S.Grid, axis: int, layer: int, mass: wp.array(dtype=real), u_out: wp.array(dtype=real),
-               known_out: wp.array(dtype=int)):
+    def extend(g: S.Grid, axis: int, layer: int, mass: wp.array(dtype=real), cut: wp.array(dtype=int),
+               u_out: wp.array(dtype=real), known_out: wp.array(dtype=int)):
         c = wp.tid()
         if known_out[c] == 0:
             shape = f.faces(g, axis)
@@ -38,6 +38,12 @@ def extend(dim: int, real, module):
                 if j[b] >= 0 and j[b] < shape[b]:
                     n = flat(j, shape)
                     at = known_out[n]
+                    if wp.static(thin):
+                        of = n                                 # the lower one of the two
+                        if m % 2 == 1:
+                            of = c
+                        if ((cut[of] >> b) & 1) != 0:
+                            at = int(0)
                     if at > 0 and at < layer:
                         sum += u_out[n]
                         count += real(1.0)
@@ -46,4 +52,4 @@ def extend(dim: int, real, module):
                     u_out[c] = sum / count
                 known_out[c] = layer
 
-    return wp.kernel(extend, name=f"extend_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(extend, name=f"extend{'_thin' * thin}_{f.name}", module=module, enable_backward=False)

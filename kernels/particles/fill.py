@@ -26,8 +26,8 @@ LEAST = 0.1              # of a hat that obstacles leave: below it f is of this 
 
 
 @cache
-def hats(dim: int, real):
-    """Function (g, particles, cells, i) -> sum of weights about the centre of cell i."""
+def hats(dim: int, thin: bool, real):
+    """Function (g, particles, cells, i) -> sum of weights about the centre of cell i; thin: of particles that see it."""
     t, S, T, s = types(real), structs(real), tables(real), stencils(dim, real)
 
     @wp.func
@@ -46,6 +46,9 @@ def hats(dim: int, real):
                             w = s.hat(away[0]) * s.hat(away[1])
                             if wp.static(dim == 3):
                                 w *= s.hat(away[2])
+                            if wp.static(thin):
+                                if not s.sees(particles.seen[cells.order[k]], -1, s.corner(away)):
+                                    w = real(0.0)
                             sum += w
         return sum
 
@@ -53,10 +56,10 @@ def hats(dim: int, real):
 
 
 @cache
-def fill(dim: int, obstacles: bool, real, module):
+def fill(dim: int, obstacles: bool, thin: bool, real, module):
     """Kernel over cells: f_out, phi_out. rest: weights of a full cell, of shape `nodes` the obstacles' distances phi [m]."""
     S, T, f = structs(real), tables(real), functions(dim, real)
-    hats_of, s, part_of = hats(dim, real), stencils(dim, real), open_part(dim, real)
+    hats_of, s, part_of = hats(dim, thin, real), stencils(dim, real), open_part(dim, real)
 
     @wp.func
     def at_side(g: S.Grid, i: wp.vec3i):
@@ -108,8 +111,11 @@ def fill(dim: int, obstacles: bool, real, module):
         part = hats_of(g, particles, cells, i) / rest
         if wp.static(obstacles):
             part = part / left(g, shape, solid, i)
+        if wp.static(thin):
+            part = part / cells.share[c]
         away = real(1.0) - wp.sqrt(wp.max(real(1.0) - real(2.0) * wp.abs(part - real(0.5)), real(0.0)))
         f_out[c] = part
         phi_out[c] = wp.where(part > real(0.5), -away, away)
 
-    return wp.kernel(fill, name=f"particles_fill{'_obstacles' * obstacles}_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(fill, name=f"particles_fill{'_obstacles' * obstacles}{'_thin' * thin}_{f.name}", module=module,
+                     enable_backward=False)

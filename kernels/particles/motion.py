@@ -5,6 +5,8 @@
     d        displacement that keeps the volume [m] (kernels/particles/surface.py), as the velocity on faces
     sides    closed: they stay SKIN cells within; open: who passes is none any more; periodic: comes in at the other side
     solid    signed distance of the obstacles at the grid's nodes [m]: who is within is put onto the surface, along the gradient
+
+A particle that does not see all rows about it, beside a thin wall (walls.py), goes by Euler's step, in what it sees.
 """
 
 # ruff: noqa: UP018
@@ -16,6 +18,7 @@ import warp as wp
 from wsim.kernels.fluid.grid import flat, functions, structs
 from wsim.kernels.math.real import types
 from wsim.kernels.particles.sort import tables
+from wsim.kernels.particles.transfers import sample
 
 SKIN = 1e-3
 
@@ -77,10 +80,26 @@ def fastest(real, module):
 
 
 @cache
-def move(dim: int, obstacles: bool, real, module):
+def move(dim: int, obstacles: bool, thin: bool, real, module):
     """Kernel over rows: x a step on; a particle that leaves gets an id below 0."""
     t, S, T, f = types(real), structs(real), tables(real), functions(dim, real)
-    outside = out_of(dim, real)
+    outside, read = out_of(dim, real), sample(dim, False, thin, real)
+
+    @wp.func
+    def seen(g: S.Grid, u: S.Faces, x: t.vec3, bits: int, other: t.vec3):
+        """At a place [m], of what a particle sees there; `other` of what it sees nothing of."""
+        v = other
+        a, none, part = read(g, u.x, 0, x, bits)
+        if part > real(0.0):
+            v[0] = a
+        b, no, part_y = read(g, u.y, 1, x, bits)
+        if part_y > real(0.0):
+            v[1] = b
+        if wp.static(dim == 3):
+            d, nil, part_z = read(g, u.z, 2, x, bits)
+            if part_z > real(0.0):
+                v[2] = d
+        return v
 
     @wp.func
     def within(g: S.Grid, at: t.vec3):
@@ -111,10 +130,17 @@ def move(dim: int, obstacles: bool, real, module):
         if particles.id[p] >= 0:
             s = particles.x[p] / g.dx
             h = clock[0] / g.dx
+            bits = int(-1)
+            if wp.static(thin):
+                bits = particles.seen[p]
             a = f.velocity(g, u, s)
             b = f.velocity(g, u, s + real(0.5) * h * a)
             c = f.velocity(g, u, s + real(0.75) * h * b)
             to = s + h * (real(2.0) * a + real(3.0) * b + real(4.0) * c) / real(9.0) + f.velocity(g, d, s) / g.dx
+            if wp.static(thin):
+                if bits != -1:
+                    x = particles.x[p]
+                    to = s + h * seen(g, u, x, bits, particles.v[p]) + seen(g, d, x, bits, t.vec3()) / g.dx
             to, stays = within(g, to)
             if wp.static(obstacles):
                 to, still = within(g, outside(g, shape, solid, to))
@@ -123,5 +149,5 @@ def move(dim: int, obstacles: bool, real, module):
             if stays == 0:
                 out.id[p] = -1
 
-    name = f"particles_move{'_obstacles' * obstacles}_{f.name}"
+    name = f"particles_move{'_obstacles' * obstacles}{'_thin' * thin}_{f.name}"
     return wp.kernel(move, name=name, module=module, enable_backward=False)

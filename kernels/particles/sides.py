@@ -1,9 +1,12 @@
-"""Sides of sheets that move: a particle that a step has brought through one is put back to where it came from.
+"""Particles stay on their side of every shape: where the segment that one has gone in a step meets a shape, it stops SKIN cells
+before it, and what is left of its way goes on along the surface.
 
-    side    sign of (q - p) . n of what is nearest to q, p + v t its place t after the frame began: before and behind the step
+    p, q    its places in the frame of a shape that moves, at the start and at the end of the segment
+    hit     the first of all shapes, kernels/collider/segment.py: h = p + s (q - p), normal n
+    slide   the segment from h to h + (1 - s) (q - p) less its part into the surface, at most SLIDES times; then the particle
+            rests where it is on what it met last, which takes it along
 
-The openings of faces keep the flow out (kernels/fluid/fractions.py), and signed distances have no side of a sheet; this tells
-them apart as long as a step goes less far than the sheet is thick or a fold is wide. Beyond a rim nothing is on a side.
+An open sheet has two sides, and a particle passes beyond its rim. A wall may be as thin as it likes.
 """
 
 # ruff: noqa: UP018
@@ -12,64 +15,96 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.mesh import SHEET
 from wsim.kernels.fluid import shapes as moved
-from wsim.kernels.fluid.grid import structs
+from wsim.kernels.fluid.grid import flat, structs
 from wsim.kernels.math.real import types
-from wsim.kernels.particles.sort import tables
+from wsim.kernels.particles.sort import tables, where
 
-STEEP = 0.8              # cosine between q - p and n from which on q is on a side
+SKIN = 1.0e-3            # cells; more than places are rounded by in a domain of a thousand cells
+SLIDES = 6               # an edge takes two, a corner three
 
 
 @cache
-def aside(dim: int, kinds: tuple[str, ...], real):
-    """Function (shapes, k, y, time) -> signed way [m] of a place from sheet k, 0 beyond its rim; place and normal there."""
+def slide(dim: int, kinds: tuple[str, ...], real):
+    """Function (shapes, a, b, start, end) -> where a particle that goes from a to b [m] between these times comes to."""
     t, S, s = types(real), moved.structs(real), moved.functions(dim, kinds, real)
 
     @wp.func
-    def aside(shapes: S.Shapes, k: int, y: t.vec3, time: real):
-        r = y - shapes.place[k] - time * shapes.speed[k]
-        turn = s.turned(shapes, k, time)
-        q = wp.vec3f(wp.quat_rotate_inv(turn, r))
-        way = s.shifted(shapes.mesh[k], q, time)
-        near = wp.mesh_query_point_no_sign(shapes.mesh[k], q - way, float(1.0e9))
-        d = real(0.0)
-        p = t.vec3()
-        n = t.vec3()
-        if near.result:
-            at = wp.mesh_eval_position(shapes.mesh[k], near.face, near.u, near.v) + way
-            normal = wp.mesh_eval_face_normal(shapes.mesh[k], near.face)
-            along = wp.dot(q - at, normal)
-            if wp.abs(along) > float(STEEP) * wp.length(q - at):
-                d = real(along)
-            p = y - wp.quat_rotate(turn, t.vec3(q - at))
-            n = wp.quat_rotate(turn, t.vec3(normal))
-        return d, p, n
+    def flat_as(shapes: S.Shapes, y: t.vec3, of: t.vec3):
+        """y, in the plane of a flat grid."""
+        z = y
+        if wp.static(dim == 2):
+            third = 3 - shapes.axes[0] - shapes.axes[1]
+            z[third] = of[third]
+        return z
 
-    return aside
+    @wp.func(inline=False)
+    def slide(shapes: S.Shapes, a: t.vec3, b: t.vec3, start: real, end: real):
+        skin = real(SKIN) * shapes.dx
+        time = start
+        x = a
+        to = b
+        slides = int(SLIDES)                                   # a variable: the loop is compiled once
+        for m in range(slides):
+            part = real(1.0)
+            n = t.vec3()
+            shape = int(-1)
+            for k in range(shapes.of.kind.shape[0]):
+                s_k, n_k = s.first_hit(shapes.of, k, x, time, to, end, skin)
+                if s_k < part:
+                    part = s_k
+                    n = n_k
+                    shape = k
+            if shape < 0:
+                return to
+            p = s.local(shapes.of, shape, x, time)
+            way = s.local(shapes.of, shape, to, end) - p
+            h = p + part * way
+            n = wp.quat_rotate_inv(s.turned(shapes.of, shape, time + part * (end - time)), n)
+            rest = (real(1.0) - part) * way
+            rest = rest - wp.min(wp.dot(rest, n), real(0.0)) * n
+            if m + 1 == slides:
+                rest = t.vec3()
+            time = time + part * (end - time)
+            x = flat_as(shapes, s.world(shapes.of, shape, h, time), a)
+            to = flat_as(shapes, s.world(shapes.of, shape, h + rest, end), a)
+        return to
+
+    return slide
 
 
 @cache
 def keep(dim: int, kinds: tuple[str, ...], real, module):
-    """Kernel over rows: x_out of particles that were at `before` [m] where the step began."""
+    """Kernel over rows: x_out of particles that were at `before` [m] where the step began. clear: of each cell, distance [m] to
+    the nearest shape (kernels/particles/walls.py)."""
     t, S, T, G = types(real), moved.structs(real), tables(real), structs(real)
-    s, way = moved.functions(dim, kinds, real), aside(dim, kinds, real)
+    s, along, cell = moved.functions(dim, kinds, real), slide(dim, kinds, real), where(dim, real)
 
-    def keep(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), before: wp.array(dtype=t.vec3), particles: T.Particles,
-             x_out: wp.array(dtype=t.vec3)):
+    def keep(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
+             before: wp.array(dtype=t.vec3), particles: T.Particles, x_out: wp.array(dtype=t.vec3)):
         i = wp.tid()
         if particles.id[i] >= 0:
+            old = before[i]
             x = particles.x[i]
-            old = s.spot(shapes, before[i] / g.dx)
-            for k in range(shapes.kind.shape[0]):
-                if shapes.kind[k] == SHEET:
-                    y = s.spot(shapes, x / g.dx)
-                    first, none, no = way(shapes, k, old, clock[1])
-                    last, p, n = way(shapes, k, y, clock[1] + clock[0])
-                    if first * last < real(0.0):
-                        to = p + (wp.sign(first) * shapes.thick[k]) * n
-                        for a in range(wp.static(dim)):
-                            x[a] = wp.clamp(to[shapes.axes[a]], real(1.0e-3) * g.dx, (real(g.n[a]) - real(1.0e-3)) * g.dx)
+            way = x - old
+            for a in range(wp.static(dim)):
+                size = real(g.n[a]) * g.dx
+                if g.periodic[a] != 0 and wp.abs(way[a]) > real(0.5) * size:
+                    way[a] = way[a] - wp.sign(way[a]) * size
+            near = clear[flat(cell(g, old), g.n)]
+            if near[0] < wp.length(way) + g.dx:
+                y = along(shapes, s.spot(shapes, old / g.dx), s.spot(shapes, (old + way) / g.dx), clock[1], clock[1] + clock[0])
+                for a in range(wp.static(dim)):
+                    x[a] = y[a]
+                    if wp.static(dim == 2):
+                        x[a] = y[shapes.axes[a]]
+                    size = real(g.n[a]) * g.dx
+                    if g.periodic[a] != 0:
+                        x[a] = x[a] - size * wp.floor(x[a] / size)
+                    elif (g.outside[a] & 1) == 0:
+                        x[a] = wp.max(x[a], real(SKIN) * g.dx)
+                    if g.periodic[a] == 0 and (g.outside[a] & 2) == 0:
+                        x[a] = wp.min(x[a], size - real(SKIN) * g.dx)
             x_out[i] = x
 
     return wp.kernel(keep, name=f"particles_keep_{s.name}", module=module, enable_backward=False)

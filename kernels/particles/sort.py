@@ -34,11 +34,14 @@ def tables(real) -> SimpleNamespace:
         v: wp.array(dtype=t.vec3)          # [m/s]
         C: wp.array(dtype=t.mat33)         # rows: gradient of each component of v [1/s], of affine transfers
         id: wp.array(dtype=int)            # below 0: there is none
+        seen: wp.array(dtype=int)          # beside thin walls: bits of the rows of the grid that no wall hides (walls.py)
 
     @wp.struct
     class Cells:
         first: wp.array(dtype=int)         # of each cell's particles in `order`, (cells + 1,)
         order: wp.array(dtype=int)
+        clear: wp.array(dtype=t.vec2)      # beside thin walls (walls.py): distance of the centre to a shape, to a thin wall [m]
+        share: wp.array(dtype=real)        # and part of the hat about it that no wall hides
 
     return SimpleNamespace(Particles=Particles, Cells=Cells)
 

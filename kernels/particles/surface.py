@@ -165,13 +165,14 @@ def outflow(dim: int, obstacles: bool, moving: bool, real, module):
 
 
 @cache
-def crowding(dim: int, real, module):
+def crowding(dim: int, thin: bool, real, module):
     """Kernel over cells: the right-hand side of a displacement [m] that makes room where f > 1 and, where all cells beside are
-    liquid, takes it where f < 1 (Kugelstadt, Longva, Thuerey, Bender 2019)."""
+    liquid, takes it where f < 1 (Kugelstadt, Longva, Thuerey, Bender 2019). thin: cells beyond closed faces do not count."""
     S, f, at, Level = structs(real), functions(dim, real), near(dim, real), levels(real)
     s = stencil(dim, FREE, real)
 
-    def crowding(g: S.Grid, fill: wp.array(dtype=real), phi: wp.array(dtype=real), level: Level, b_out: wp.array(dtype=real)):
+    def crowding(g: S.Grid, fill: wp.array(dtype=real), phi: wp.array(dtype=real), open: S.Faces, level: Level,
+                 b_out: wp.array(dtype=real)):
         c = wp.tid()
         i = f.place(c, g.n)
         b = real(0.0)
@@ -181,12 +182,21 @@ def crowding(dim: int, real, module):
             for m in range(around):
                 a = m // 2
                 n = at.beside(g, i, a, 2 * (m % 2) - 1)
-                if n[a] >= 0:
+                o = real(1.0)
+                if wp.static(thin):
+                    q = at.face(g, i, a, m % 2)
+                    if a == 0:
+                        o = open.x[q]
+                    elif a == 1:
+                        o = open.y[q]
+                    else:
+                        o = open.z[q]
+                if n[a] >= 0 and o > real(0.0):
                     if phi[flat(n, g.n)] >= real(0.0):
                         b = wp.min(b, real(0.0))
         b_out[c] = -b
 
-    return wp.kernel(crowding, name=f"surface_crowding_{f.name}", module=module, enable_backward=False)
+    return wp.kernel(crowding, name=f"surface_crowding{'_thin' * thin}_{f.name}", module=module, enable_backward=False)
 
 
 @cache

@@ -12,7 +12,9 @@ Selle, Teran, Stomakhin 2015, section 5.3: one affine vector for each component 
 
 Of all three the momentum on the grid is that of the particles, to rounding; apic keeps the angular momentum too. Both
 directions are gathers: a face reads the particles of the cells around it (`sort`), in one order. Within half a cell of a side
-that is not periodic a particle counts as if it stood at the last row of a component, in both directions.
+that is not periodic a particle counts as if it stood at the last row of a component, in both directions. Beside walls that are
+thinner than the grid can tell (`thin`, kernels/particles/walls.py) a particle and a row that do not see each other count for
+nothing in both directions: w is of the rows that it sees, over their sum.
 """
 
 # ruff: noqa: UP018
@@ -34,7 +36,8 @@ TRANSFERS = ("apic", "flip", "pic")
 def stencils(dim: int, real) -> SimpleNamespace:
     """reach(g, axis, i, b) -> (first, last) cell along axis b about row i of a component (-1: of the centres); rows(g, axis, x)
     -> place of x [m] in rows, held within them; hat(d) -> weight at d rows; image(g, j) -> (cell that stands for j, whole
-    periods [m] that it is away; no cell: first component -1)."""
+    periods [m] that it is away; no cell: first component -1); sees(bits, axis, m) -> whether a particle of these bits sees the
+    row at its corner m; corner(away) -> m of the row that is `away` rows from it."""
     t, S, f = types(real), structs(real), functions(dim, real)
 
     @wp.func
@@ -74,11 +77,22 @@ def stencils(dim: int, real) -> SimpleNamespace:
                 return i, shift
         return i, shift
 
-    return SimpleNamespace(reach=reach, rows=rows, hat=hat, image=image)
+    @wp.func
+    def corner(away: t.vec3):
+        m = int(away[0] > real(0.0)) + 2 * int(away[1] > real(0.0))
+        if wp.static(dim == 3):
+            m += 4 * int(away[2] > real(0.0))
+        return m
+
+    @wp.func
+    def sees(bits: int, axis: int, m: int):
+        return ((bits >> ((axis + 1) * wp.static(2 ** dim) + m)) & 1) != 0
+
+    return SimpleNamespace(reach=reach, rows=rows, hat=hat, image=image, corner=corner, sees=sees)
 
 
 @cache
-def to_faces(dim: int, affine: bool, real, module):
+def to_faces(dim: int, affine: bool, thin: bool, real, module):
     """Kernel over the faces of an axis: u_out [m/s], 0 where there is no particle; mass_out, in particles."""
     t, S, T, f, s = types(real), structs(real), tables(real), functions(dim, real), stencils(dim, real)
 
@@ -107,6 +121,9 @@ def to_faces(dim: int, affine: bool, real, module):
                             w = s.hat(away[0]) * s.hat(away[1])
                             if wp.static(dim == 3):
                                 w *= s.hat(away[2])
+                            if wp.static(thin):
+                                if not s.sees(particles.seen[p], axis, s.corner(away)):
+                                    w = real(0.0)
                             if w > real(0.0):
                                 v = particles.v[p]
                                 value = v[axis]
@@ -122,17 +139,37 @@ def to_faces(dim: int, affine: bool, real, module):
         u_out[face] = u
         mass_out[face] = mass
 
-    name = f"to_faces{'_affine' * affine}_{f.name}"
+    name = f"to_faces{'_affine' * affine}{'_thin' * thin}_{f.name}"
     return wp.kernel(to_faces, name=name, module=module, enable_backward=False)
 
 
 @cache
-def sample(dim: int, affine: bool, real):
-    """Function (g, u, axis, x) -> (value of a component at x [m], its gradient [1/s])."""
+def sample(dim: int, affine: bool, thin: bool, real):
+    """Function (g, u, axis, x, bits) -> (value of a component at x [m], its gradient [1/s], part of the weights that a particle
+    of these bits sees). Rows that it does not see have the mean of those that it sees."""
     t, S, f, s = types(real), structs(real), functions(dim, real), stencils(dim, real)
 
+    @wp.func(inline=False)
+    def mean(g: S.Grid, u: wp.array(dtype=real), axis: int, at: t.vec3, base: wp.vec3i, bits: int):
+        """(mean of the rows that are seen, their part of the weights)."""
+        shape = f.faces(g, axis)
+        sum = real(0.0)
+        whole = real(0.0)
+        corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
+        for m in range(corners):
+            if s.sees(bits, axis, m):
+                i = base + wp.vec3i(m % 2, (m // 2) % 2, m // 4)
+                w = s.hat(real(i[0]) - at[0]) * s.hat(real(i[1]) - at[1])
+                if wp.static(dim == 3):
+                    w *= s.hat(real(i[2]) - at[2])
+                sum += w * u[f.row(i[0], i[1], i[2], shape, g.periodic)]
+                whole += w
+        if whole > real(0.0):
+            sum = sum / whole
+        return sum, whole
+
     @wp.func
-    def sample(g: S.Grid, u: wp.array(dtype=real), axis: int, x: t.vec3):
+    def sample(g: S.Grid, u: wp.array(dtype=real), axis: int, x: t.vec3, bits: int):
         shape = f.faces(g, axis)
         at = s.rows(g, axis, x)
         base = wp.vec3i(0, 0, 0)
@@ -140,11 +177,19 @@ def sample(dim: int, affine: bool, real):
             base[b] = int(wp.floor(at[b]))
         value = real(0.0)
         slope = t.vec3()
+        rest = real(0.0)
+        whole = real(1.0)
+        if wp.static(thin):
+            if bits != -1:
+                rest, whole = mean(g, u, axis, at, base, bits)
         corners = int(wp.static(2 ** dim))                     # a variable: the loop is compiled once
         for m in range(corners):
             i = base + wp.vec3i(m % 2, (m // 2) % 2, m // 4)
             away = t.vec3(real(i[0]), real(i[1]), real(i[2])) - at
             q = u[f.row(i[0], i[1], i[2], shape, g.periodic)]
+            if wp.static(thin):
+                if not s.sees(bits, axis, m):
+                    q = rest
             w = t.vec3(s.hat(away[0]), s.hat(away[1]), real(1.0))
             sign = t.vec3(real(2 * (m % 2) - 1), real(2 * ((m // 2) % 2) - 1), real(2 * (m // 4) - 1))
             if wp.static(dim == 3):
@@ -155,26 +200,34 @@ def sample(dim: int, affine: bool, real):
                 slope[1] = slope[1] + w[0] * sign[1] * w[2] * q / g.dx
                 if wp.static(dim == 3):
                     slope[2] = slope[2] + w[0] * w[1] * sign[2] * q / g.dx
-        return value, slope
+        return value, slope, whole
 
     return sample
 
 
 @cache
-def to_particles(dim: int, transfer: str, real, module):
-    """Kernel over rows: v (and C) of each particle from u; of flip `before`, what `to_faces` had left, and the part s."""
+def to_particles(dim: int, transfer: str, thin: bool, real, module):
+    """Kernel over rows: v (and C) of each particle from u; of flip `before`, what `to_faces` had left, and the part s. A
+    component that a particle sees no row of stays as it is."""
     S, T = structs(real), tables(real)
     affine, flip = transfer == "apic", transfer == "flip"
-    read = sample(dim, affine, real)
+    read = sample(dim, affine, thin, real)
 
     @wp.func
     def changed(g: S.Grid, u: wp.array(dtype=real), before: wp.array(dtype=real), axis: int, particles: T.Particles,
                 p: int, s: real, out: T.Particles):
-        value, slope = read(g, u, axis, particles.x[p])
+        bits = int(-1)
+        if wp.static(thin):
+            bits = particles.seen[p]
+        value, slope, part = read(g, u, axis, particles.x[p], bits)
         if wp.static(flip):
-            old, none = read(g, before, axis, particles.x[p])
+            old, none, no = read(g, before, axis, particles.x[p], bits)
             v = particles.v[p]
             value = value + s * (v[axis] - old)
+        if wp.static(thin):
+            if part <= real(0.0):
+                v = particles.v[p]
+                value = v[axis]
         if wp.static(affine):
             C = particles.C[p]
             C[axis, 0] = slope[0]
@@ -193,5 +246,5 @@ def to_particles(dim: int, transfer: str, real, module):
                 v[2] = changed(g, u.z, before.z, 2, particles, p, s, out)
             out.v[p] = v
 
-    name = f"to_particles_{transfer}_{dim}d_{types(real).name}"
+    name = f"to_particles_{transfer}{'_thin' * thin}_{dim}d_{types(real).name}"
     return wp.kernel(to_particles, name=name, module=module, enable_backward=False)

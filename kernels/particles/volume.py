@@ -19,6 +19,7 @@ import warp as wp
 
 from wsim.kernels.fluid.grid import flat, functions, structs
 from wsim.kernels.math.real import types
+from wsim.kernels.particles.sort import tables
 from wsim.kernels.particles.surface import near
 from wsim.kernels.solver.pcg import total
 
@@ -75,10 +76,10 @@ def open_part(dim: int, real):
 
 
 @cache
-def volume(dim: int, obstacles: bool, real, module):
-    """Kernel over blocks of threads: parts of (AMOUNT, PLACES, OF_PARTICLES). rest: particles of a full cell; first: of the
-    particles by cell (kernels/particles/sort.py)."""
-    S, f, at, part_of = structs(real), functions(dim, real), near(dim, real), open_part(dim, real)
+def volume(dim: int, obstacles: bool, thin: bool, real, module):
+    """Kernel over blocks of threads: parts of (AMOUNT, PLACES, OF_PARTICLES). rest: particles of a full cell. Of cells that a
+    thin wall parts the particles count."""
+    S, T, f, at, part_of = structs(real), tables(real), functions(dim, real), near(dim, real), open_part(dim, real)
 
     @wp.func
     def inside(g: S.Grid, fill: wp.array(dtype=real), open: S.Faces, i: wp.vec3i):
@@ -103,7 +104,7 @@ def volume(dim: int, obstacles: bool, real, module):
         return found
 
     def volume(g: S.Grid, fill: wp.array(dtype=real), shape: wp.vec3i, solid: wp.array(dtype=real), open: S.Faces,
-               first: wp.array(dtype=int), rest: real, part_out: wp.array(dtype=wp.vec3d)):
+               cells: T.Cells, rest: real, part_out: wp.array(dtype=wp.vec3d)):
         liquid = wp.float64(0.0)
         places = wp.float64(0.0)
         particles = wp.float64(0.0)
@@ -115,15 +116,19 @@ def volume(dim: int, obstacles: bool, real, module):
             full = wp.float64(wp.clamp(fill[c], real(0.0), real(1.0)))
             if inside(g, fill, open, i):
                 full = wp.float64(1.0)
+            if wp.static(thin):
+                near = cells.clear[c]
+                if near[1] < real(1.0) * g.dx:
+                    full = wp.float64(cells.first[c + 1] - cells.first[c]) / wp.float64(rest)
             liquid += o * full
             places += o
-            particles += wp.float64(first[c + 1] - first[c])
+            particles += wp.float64(cells.first[c + 1] - cells.first[c])
         sums = wp.vec3d(total(liquid), total(places), total(particles) / wp.float64(rest))
         if wp.tid() % wp.block_dim() == 0:
             part_out[wp.tid() // wp.block_dim()] = sums
 
-    return wp.kernel(volume, name=f"particles_volume{'_obstacles' * obstacles}_{f.name}", module=module, enable_backward=False,
-                     grid_stride=False)
+    return wp.kernel(volume, name=f"particles_volume{'_obstacles' * obstacles}{'_thin' * thin}_{f.name}", module=module,
+                     enable_backward=False, grid_stride=False)
 
 
 @cache

@@ -4,6 +4,7 @@ it is needed, its `build(Build)` makes it, and when all are made each connects i
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from math import isfinite
 from typing import Any
@@ -36,6 +37,12 @@ class Build:
     @property
     def scene(self) -> Scene:
         return self.model.scene
+
+    @cached_property
+    def colliders(self) -> Any:
+        """The scene's colliders on the device; who asks poses them where a frame begins (`wsim.physics.collider.table`)."""
+        from wsim.physics.collider.table import ColliderTable
+        return ColliderTable(self.model, self.scene.colliders)
 
     @property
     def within(self) -> bool:
@@ -84,10 +91,6 @@ class Build:
         from wsim.physics.fused.domains import takes
         also = {"soft pins": any(np.isfinite(p.stiffness) for p in self.scene.pins), "loads": bool(loads_of_bodies(self.scene))}
         return acts | {name for name, there in also.items() if there} if takes(self.model) else frozenset()
-
-    def carriers(self) -> dict[str, Any]:
-        """Carriers that contacts can push, by name, of the methods that are made (`Method.carriers`)."""
-        return {name: carrier for method in self.methods for name, carrier in method.carriers().items()}
 
     def kept(self, soft: bool) -> list[Constraints]:
         """The constraints that have a stiffness, or those that have none: XPBD holds the hard ones whatever solves for the

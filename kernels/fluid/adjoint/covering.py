@@ -12,8 +12,6 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.mesh import SOLID
-from wsim.kernels.contact.shape import distance
 from wsim.kernels.fluid import shapes as moved
 from wsim.kernels.fluid.sources import tables
 from wsim.kernels.math.real import types
@@ -26,28 +24,14 @@ Numbers = wp.types.vector(NUMBERS, wp.float64)
 def outward(dim: int, kinds: tuple[str, ...], real):
     """Function (sources, k, x, clock) -> d part / d place [1/m], of a cell about x, along the world's axes."""
     t, Sources, s = types(real), tables(real), moved.functions(dim, kinds, real)
-    convex = distance(tuple(k for k in kinds if k not in ("solid", "sheet")) or ("sphere",))
-    solid = "solid" in kinds
 
     @wp.func
     def outward(sources: Sources, k: int, x: t.vec3, clock: wp.array(dtype=real)):
         shapes = sources.shapes
         at = clock[1] + real(0.5) * clock[0]
         y = s.spot(shapes, x)
-        turn = s.turned(shapes, k, at)
-        q = wp.quat_rotate_inv(turn, y - shapes.place[k] - at * shapes.speed[k])
-        kind = shapes.kind[k]
-        n = t.vec3()
-        if wp.static(solid):
-            if kind == SOLID:
-                near = wp.mesh_query_point_sign_normal(shapes.mesh[k], wp.vec3f(q), float(1.0e9))
-                if near.result:
-                    p = wp.mesh_eval_position(shapes.mesh[k], near.face, near.u, near.v)
-                    n = real(near.sign) * wp.normalize(q - t.vec3(real(p[0]), real(p[1]), real(p[2])))
-        if kind < SOLID:
-            phi, found = convex(kind, shapes.size[k], q)
-            n = found
-        return wp.quat_rotate(turn, n) / shapes.dx
+        phi, n, p = s.closest(shapes.of, k, y, at)
+        return n / shapes.dx
 
     return outward
 
@@ -61,7 +45,7 @@ def covering(dim: int, kinds: tuple[str, ...], real):
     def covering(sources: Sources, k: int, x: t.vec3, clock: wp.array(dtype=real)):
         at = clock[1] + real(0.5) * clock[0]
         both = sources.strength[k]
-        phi = s.signed(sources.shapes, k, s.spot(sources.shapes, x), at)
+        phi = s.signed(sources.shapes.of, k, s.spot(sources.shapes, x), at)
         part = wp.clamp(real(0.5) - phi / sources.shapes.dx, real(0.0), real(1.0))
         return part, both[0] + (both[1] - both[0]) * at / clock[3]
 

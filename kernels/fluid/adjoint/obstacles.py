@@ -27,8 +27,8 @@ def covers(dim: int, axis: int, kinds: tuple[str, ...], real, module):
     def nearest(shapes: S.Shapes, y: t.vec3, time: real):
         found = int(0)  # noqa: UP018
         least = real(1.0e9)
-        for k in range(shapes.kind.shape[0]):
-            phi = s.signed(shapes, k, y, time)
+        for k in range(shapes.of.kind.shape[0]):
+            phi = s.signed(shapes.of, k, y, time)
             if phi < least:
                 least = phi
                 found = k
@@ -45,7 +45,7 @@ def covers(dim: int, axis: int, kinds: tuple[str, ...], real, module):
                 i = f.place(c, f.faces(g, wp.static(axis)))
                 y = s.spot(shapes, t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(wp.static(axis)))
                 if nearest(shapes, y, time) == k:
-                    turn = wp.cross(y - shapes.place[k] - time * shapes.speed[k], e)
+                    turn = wp.cross(y - s.center(shapes.of, k, time), e)
                     for a in range(3):
                         sum[a] = sum[a] + wp.float64(by[c] * e[a])
                         sum[3 + a] = sum[3 + a] + wp.float64(by[c] * turn[a])

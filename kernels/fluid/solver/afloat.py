@@ -113,10 +113,10 @@ def carry(real, module):
 
     def carry(place: wp.array(dtype=t.vec3), turn: wp.array(dtype=t.quat), s: S.Afloat, shapes: M.Shapes, out: M.Shapes):
         k = wp.tid()
-        b = shapes.body[k]
+        b = shapes.of.owner[k]
         if b >= 0:
-            out.place[k] = s.at[b] + wp.quat_rotate(s.seen[b], place[k])
-            out.turn[k] = s.seen[b] * turn[k]
+            out.of.place[k] = s.at[b] + wp.quat_rotate(s.seen[b], place[k])
+            out.of.turn[k] = s.seen[b] * turn[k]
 
     return wp.kernel(carry, name=f"afloat_carry_{types(real).name}", module=module, enable_backward=False)
 

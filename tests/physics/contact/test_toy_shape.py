@@ -26,7 +26,6 @@ UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])      
 @pytest.fixture(autouse=True)
 def row(monkeypatch):
     monkeypatch.setattr(solids, "SOLIDS", [*solids.SOLIDS, ROW])
-    monkeypatch.setattr("wsim.physics.contact.contacts.SOLIDS", solids.SOLIDS)
 
 
 def table(damping: float = 2e-3, **more) -> Scene:

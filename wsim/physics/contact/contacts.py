@@ -9,14 +9,13 @@ kernels/contact/project.py.
     after the frame       contacts.wanted: 0, or the room that a point lacked: contacts.grow(), repeat the frame
                           contacts.indicators(x), contacts.impulses(g)
 
-Nothing here outlives a frame but `mark` (whether a point touched or was inside), a field of the state. Colliders are carriers
-that push and are not pushed; `impulses` says what they received.
+Nothing here outlives a frame but `mark` (whether a point touched or was inside), a field of the state. Colliders
+push and are not pushed; `impulses` says what they received.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -30,8 +29,7 @@ from wsim.model.structs import filled
 from wsim.physics.contact.colliders import Rows, check
 from wsim.physics.contact.mesh import Mesh, deforming
 from wsim.physics.contact.poses import Poses
-from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface
-from wsim.scene.solids import SOLIDS
+from wsim.scene import Collider, Motion, Problem, Scene, SceneError, Surface, solids
 from wsim.scene.values.table import FRICTION
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
@@ -291,8 +289,5 @@ class Contacts:
 
 def _kinds(found: list[str]) -> tuple[str, ...]:
     """Those that there are, in the order of their numbers. Formulas of shapes that have a place of their own are made known."""
-    for solid in SOLIDS:
-        if solid.formula and solid.kind in found:
-            place, _, name = solid.formula.partition(":")
-            shape.add(solid.kind, getattr(import_module(place), name))
+    shape.make_known(solids.SOLIDS, found)
     return tuple(sorted(set(found), key=code))

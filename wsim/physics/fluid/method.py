@@ -11,12 +11,12 @@ from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
+from wsim.physics.collider.table import kinds
 from wsim.physics.fluid import memory, volumes
 from wsim.physics.fluid.grid.direct import MOST
 from wsim.physics.fluid.grid.domain import LIVE, Domain
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES
-from wsim.physics.fluid.grid.shapes import kinds
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.measure import centered, measures
 from wsim.physics.fluid.objects import Fluid, Source

@@ -14,6 +14,7 @@ centre.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from wsim.geometry.winding import wound_alike
 from wsim.physics.rigid.objects import Body
 from wsim.scene import Collider, Shape, Surface
 from wsim.scene.check.signed_distance import closed
-from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere
+from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Sphere, row
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Inertia:
     axes: np.ndarray
 
 
+SIDES = 32                 # of an outline
 MOST = 128                 # vertices of a hull: more are left out, those that stand out least
 APPROXIMATED = ("convexHull", "boundingCube", "boundingSphere")
 NOTHING = Volume(0.0, np.zeros(3), np.zeros((3, 3)))
@@ -71,8 +73,17 @@ def volume(shape: Shape) -> Volume:
         a = np.array(shape.half, np.float64)
         V = 8.0 * a.prod()
         return Volume(V, np.zeros(3), np.diag(V / 3.0 * ((a * a).sum() - a * a)))
+    if not isinstance(shape, (Sphere, Cylinder, Cone, Capsule)):
+        return _mesh(outlined(shape))
     V, z, across, along = _round(shape)
     return Volume(V, np.array([0.0, 0.0, z]), np.diag([across, across, along]))
+
+
+def outlined(shape: Any) -> Surface:
+    """A shape of another place as the mesh of its outline."""
+    own = row(shape)
+    points, triangles = own.outline(own.given(shape), SIDES)
+    return Surface(points, np.full(len(triangles), 3), np.ravel(triangles))
 
 
 def collider_volume(collider: Collider) -> Volume:

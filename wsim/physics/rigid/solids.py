@@ -4,6 +4,8 @@
     convexHull, convexDecomposition    one hull: parts are not made
     boundingCube, boundingSphere       box, ball about its middle
 
+A shape of another place (a row of wsim/scene/solids.py) is met as the hull of its outline, of 32 sides.
+
 Triangles of a mesh that is not closed hold from both sides. Flat meshes have no hull: of a body they meet nothing. Meshes that
 move their points are not met.
 """
@@ -15,11 +17,12 @@ import numpy as np
 from wsim.geometry.convex_hull import ConvexHull
 from wsim.geometry.triangulate import triangulate
 from wsim.geometry.winding import wound_alike
-from wsim.physics.rigid.mass import approximate_shape, hull, volume
+from wsim.physics.rigid.mass import approximate_shape, hull, outlined, volume
 from wsim.scene import Collider, Surface
 from wsim.scene.methods import dressed
 from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane, Shape, Sphere, row
 
+EXACT = (Plane, Sphere, Box, Capsule, Cylinder, Cone)
 CONVEX = 0.01              # part of a hull's volume that a mesh may lack and count as convex
 HULLS = ("convexHull", "convexDecomposition")
 NOWHERE = (0.0, 0.0, 0.0)
@@ -106,7 +109,7 @@ def as_met(collider: Collider, of_body: bool) -> Met | None:
     if not collider.meets:
         return None
     if not isinstance(shape, Surface):
-        return Met(row(shape).kind, shape)
+        return Met(row(shape).kind, shape) if isinstance(shape, EXACT) else Met("hull", hull=hull(outlined(shape)))
     if shape.poses is not None or len(shape.points) == 0:
         return None
     if collider.approximation in ("boundingCube", "boundingSphere"):

@@ -3,28 +3,30 @@
 import numpy as np
 import warp as wp
 
-from wsim.kernels.contact import shape as convex
+from wsim.kernels.contact import shape
 from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.rods.contact import Colliders
 from wsim.model.structs import filled
 from wsim.physics.contact.mesh import Mesh
 from wsim.physics.rods.tables import Table
-from wsim.scene import Surface
+from wsim.scene import Surface, solids
 from wsim.scene.solids import row
 
 CODES = {"solid": SOLID, "sheet": SHEET}
 
 
-def forms(shape) -> bool:
+def forms(of) -> bool:
     """Whether strands meet a shape as it deforms; joints that rigid bodies drive are known on the device alone."""
-    poses = shape.poses if isinstance(shape, Surface) else None
+    poses = of.poses if isinstance(of, Surface) else None
     return poses is not None and poses.moves and not (hasattr(poses, "skeleton") and poses.skeleton.bodies)
 
 
 def kinds(meshes: list[Mesh | None], colliders: list) -> list[str]:
     """Kind of each collider: a convex shape's, "solid" of a closed mesh, "sheet" of another."""
-    return [row(c.shape).kind if m is None else "solid" if m.closed else "sheet"
-            for m, c in zip(meshes, colliders, strict=True)]
+    found = [row(c.shape).kind if m is None else "solid" if m.closed else "sheet"
+             for m, c in zip(meshes, colliders, strict=True)]
+    shape.make_known(solids.SOLIDS, found)
+    return found
 
 
 class Obstacles:
@@ -47,7 +49,7 @@ class Obstacles:
         def up(values, dtype):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
         self.table = filled(
-            Colliders, kind=up(np.array([CODES[k] if k in CODES else convex.code(k) for k in names], np.int32), int),
+            Colliders, kind=up(np.array([CODES[k] if k in CODES else shape.code(k) for k in names], np.int32), int),
             size=up(np.array(size, np.float64).reshape(-1, 3), wp.vec3d), friction=up(friction, wp.vec2d),
             thick=up(np.array([c.thickness or 0.0 for c in colliders], np.float64), wp.float64))
         self.resize(substeps)

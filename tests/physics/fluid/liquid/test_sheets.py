@@ -96,7 +96,7 @@ def test_a_sheet_that_rises_lifts_what_is_on_it():
 
 
 def test_a_scene_without_meshes_that_move_compiles_none_of_it():
-    from wsim.physics.fluid.grid.shapes import kinds
+    from wsim.physics.collider.table import kinds
     scene = pool()
     scene.colliders.append(Collider("/box", Box((0.1, 0.1, 0.1))))
     scene.colliders.append(Collider("/still", Surface(*cube((0, 0, 0), (0.1, 0.1, 0.1)))))

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from wsim.kernels.fluid.adjoint import covering as kernels
+from wsim.physics.collider.table import forms
 from wsim.physics.fluid.adjoint.launches import AIR, ROWS
 from wsim.physics.fluid.grid.domain import LIVE
-from wsim.physics.fluid.grid.shapes import forms
 from wsim.physics.fluid.measure import NAMES
 from wsim.scene.values.coverage import refuse
 

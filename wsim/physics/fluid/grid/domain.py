@@ -56,8 +56,10 @@ class Domain:
         self.work = {name: threads.zeros(room) for name in ("p", "r", "z", "d", "w", *["free"] * direct)}
         self.v, self.half = self.faces(), self.faces()
         corner = fluid.low
-        self.obstacles = (Obstacles(threads, layout, self.grid, Shapes(model, obstacles, corner, layout.axes, fluid.cell, True),
-                                    self.clock) if obstacles else None)
+        self.obstacles: Any = None
+        if obstacles:
+            shapes = Shapes(model, obstacles, corner, layout.axes, fluid.cell, "thick")
+            self.obstacles = Obstacles(threads, layout, self.grid, shapes, self.clock)
         self.fastest = steps.fastest(layout.dim, real, module)
         self.tiles = self._tiles() if scalars and fluid.scalar_advection not in PAIRS else None
         self.sources = (Sources(threads, layout, self.grid, sources, corner, fluid.cell, scalars, self.tiles) if sources else

@@ -22,7 +22,7 @@ class Sources:
         real, module, dim, model = threads.model.real, threads.module, layout.dim, threads.model
         self.threads, self.layout, self.grid, self.sources, self.scalars = threads, layout, grid, sources, scalars
         self.holds = tiles.holds if tiles else None
-        self.shapes = Shapes(model, sources, corner, layout.axes, cell, False)
+        self.shapes = Shapes(model, sources, corner, layout.axes, cell)
         kinds, n, vec3 = self.shapes.kinds, len(sources), types(real).vec3
         expanding = any(s.expansion != 0.0 for s in sources)
         self.expansion = threads.zeros(layout.cells) if expanding else None

@@ -16,7 +16,6 @@ from wsim.kernels.fluid.pressure import FREE
 from wsim.kernels.math.real import types
 from wsim.kernels.particles import extend, fill, motion, transfers
 from wsim.kernels.particles.gravity import pull
-from wsim.kernels.particles.sides import keep
 from wsim.kernels.particles.wet import wet
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.layout import Layout
@@ -29,6 +28,7 @@ from wsim.physics.fluid.liquid.objects import ACROSS, GIVEN, WAVE, Liquid
 from wsim.physics.fluid.liquid.order import Order
 from wsim.physics.fluid.liquid.surface import Surface
 from wsim.physics.fluid.liquid.volume import Volume
+from wsim.physics.fluid.liquid.walls import Walls
 
 SPREAD = 1e-2            # tolerance of the displacement: what it leaves the next step finds
 HOLES = 3                # cells that a hole beside a body may be wide
@@ -49,7 +49,9 @@ class Domain:
         self.speed, self.more, self.wave, self.gravity = (threads.zeros(n) for n in (1, 1, 1, 3))
         self.grid = self._grid()
         self.obstacles: Any = (Obstacles(threads, layout, self.grid, Shapes(threads.model, obstacles, liquid.low, layout.axes,
-                                                                       liquid.cell, True), self.clock) if obstacles else None)
+                                                                       liquid.cell, "thin"), self.clock) if obstacles else None)
+        self.walls: Any = Walls(threads, layout, self.grid, self.obstacles) if self.obstacles else None
+        self.thin = bool(self.walls and self.walls.thin)
         self.sizes = [prod(layout.faces(a)) for a in range(dim)]
         self.u, self.d = self.faces(), self.faces()
         self.before = self.faces() if liquid.transfer == "flip" else filled(structs(real).Faces)
@@ -58,7 +60,7 @@ class Domain:
         self.order = Order(threads, layout, self.grid, liquid.transfer == "apic", particles.id.shape[0])
         self.flow = (Flow(threads, layout, self.grid, liquid, sources, self.order, numbers, self.obstacles) if sources
                      else None)
-        self.volume = Volume(threads, layout, self.grid, self.obstacles)
+        self.volume = Volume(threads, layout, self.grid, self.obstacles, self.thin)
         self.floating: Any = afloat(self, self.obstacles) if afloat else None
         self.surface = Surface(threads, layout, self.grid, self.obstacles, self.phi, self.full, self.words)
         if self.floating:
@@ -67,16 +69,15 @@ class Domain:
 
     def _kernels(self, dim: int, real: Any, module: str) -> None:
         some, affine = self.obstacles is not None, self.liquid.transfer == "apic"
-        self.to_faces = transfers.to_faces(dim, affine, real, module)
-        self.to_particles = transfers.to_particles(dim, self.liquid.transfer, real, module)
-        self.fill = fill.fill(dim, some, real, module)
+        thin = self.thin
+        self.to_faces = transfers.to_faces(dim, affine, thin, real, module)
+        self.to_particles = transfers.to_particles(dim, self.liquid.transfer, thin, real, module)
+        self.fill = fill.fill(dim, some, thin, real, module)
         self.wet = wet(dim, real, module) if self.floating else None
         self.pull = pull(real, module)
         self.sides = [pressure.sides(dim, a, real, module) for a in range(dim)]
-        self.extend = extend.extend(dim, real, module)
-        self.move = motion.move(dim, some, real, module)
-        met = self.obstacles.shapes.kinds if some else ()
-        self.keep = keep(dim, met, real, module) if {"sheet", "forming"} <= set(met) else None
+        self.extend = extend.extend(dim, thin, real, module)
+        self.move = motion.move(dim, some, thin, real, module)
         self.fastest = motion.fastest(real, module)
         self.begin, self.next = steps.begin(real, module), steps.next(real, module)
 
@@ -109,6 +110,7 @@ class Domain:
         """Prepares the first frame, once kernels are there: obstacles that stand."""
         if self.obstacles and not self.obstacles.moving:
             self.obstacles.update()
+            self.walls.update(self.clock)
         if self.flow and self.flow.rooms:
             self.flow.rooms.find()
 
@@ -152,10 +154,13 @@ class Domain:
             floating.swim(self.clock)
         if o and o.moving:
             o.update()
+            self.walls.update(self.clock)
         if self.flow:
             self.flow.act(self.particles, self.clock, self.words["room"])
         else:
             self.order.sort(self.particles)
+        if self.thin:
+            self.walls.look(self.particles, self.order, self.clock)
         self._to_grid()
         self.surface.refresh()
         self.surface.project(self.u, self.known, self.liquid.tolerance, floating, (self.gravity, self.clock))
@@ -169,13 +174,12 @@ class Domain:
                 getattr(self.d, AXES[a]).zero_()
             self.surface.spread(self.d, self.known, SPREAD)
             self._extend(self.d)
-        if self.keep:
+        if self.walls:
             wp.copy(self.order.aside.x, self.particles.x)
         inputs = [self.grid, self.u, self.d, self.clock, self._nodes(), o.phi if o else None, self.particles]
         threads.over(self.move, self.order.room, inputs, [self.particles])
-        if self.keep:
-            inputs = [self.grid, o.shapes.table, self.clock, self.order.aside.x, self.particles]
-            threads.over(self.keep, self.order.room, inputs, [self.particles.x])
+        if self.walls:
+            self.walls.keep(self.particles, self.order, self.clock)
         threads.over(self.next, 1, [self.done], [self.clock, self.going])
 
     def _nodes(self) -> Any:
@@ -204,4 +208,5 @@ class Domain:
         for a in range(self.layout.dim):
             out = getattr(u, AXES[a])
             for layer in range(2, 2 + self.layers):
-                self.threads.over(self.extend, out.size, [self.grid, a, layer, self.mass[a]], [out, self.known[a]])
+                cut = self.walls.cut[a] if self.thin else None
+                self.threads.over(self.extend, out.size, [self.grid, a, layer, self.mass[a], cut], [out, self.known[a]])

@@ -24,12 +24,12 @@ class Flow:
                  numbers: wp.array, obstacles: Any):
         real, module, dim, model = threads.model.real, threads.module, layout.dim, threads.model
         self.threads, self.grid, self.sources, self.order, self.numbers = threads, grid, sources, order, numbers
-        self.shapes = Shapes(model, sources, liquid.low, layout.axes, liquid.cell, False)
-        kinds, n = self.shapes.kinds, len(sources)
+        self.shapes = Shapes(model, sources, liquid.low, layout.axes, liquid.cell)
+        kinds, n, walls = self.shapes.kinds, len(sources), obstacles.shapes.kinds if obstacles else ()
         self.gives, self.takes = (any((s.role == "sink") is sink for s in sources) for sink in (False, True))
         self.drain = emission.drain(dim, kinds, real, module) if self.takes else None
-        self.offer = emission.offer(dim, kinds, real, module) if self.gives else None
-        self.emit = emission.emit(dim, kinds, order.affine, real, module) if self.gives else None
+        self.offer = emission.offer(dim, kinds, walls, real, module) if self.gives else None
+        self.emit = emission.emit(dim, kinds, walls, order.affine, real, module) if self.gives else None
         self.used, self.come = emission.counted(module)
         velocity = np.zeros((n, 3), model.dtype)
         for k, s in enumerate(sources):
@@ -39,6 +39,8 @@ class Flow:
         what = np.array([emission.SINK * (s.role == "sink") for s in sources], np.int32)
         self.table = filled(emission.sources(real), shapes=self.shapes.table, what=model.upload(what, int),
                             velocity=model.upload(velocity, types(real).vec3), strength=threads.zeros(n, types(real).vec2))
+        if obstacles:
+            self.table.walls = obstacles.shapes.table
         self.first, self.offers = threads.zeros(layout.cells + 1, int), threads.zeros(layout.cells, int)
         closed = self.gives and (obstacles is not None or layout.sealed)
         self.rooms = Rooms(threads, layout, grid, obstacles) if closed else None

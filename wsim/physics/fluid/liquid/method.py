@@ -11,7 +11,8 @@ from wsim.model.stage import Clock, Method, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
-from wsim.physics.fluid.grid.shapes import kinds
+from wsim.physics.collider.table import kinds
+from wsim.physics.fluid.grid.shapes import thin
 from wsim.physics.fluid.grid.threads import Threads
 from wsim.physics.fluid.liquid import memory
 from wsim.physics.fluid.liquid.domain import Domain
@@ -220,5 +221,6 @@ def signature(b) -> list:
                 [side == "open" for side in x.sides], [side == "periodic" for side in x.sides])
                for x in b.scene.things("Liquid")]
     moved, own = any(c.motion.moves for c in b.scene.colliders), shells(b.scene)
-    met = kinds([*b.scene.colliders, *own, *sheets(b.model)])
-    return [sorted({str(x) for x in liquids}), met, moved, *["bodies"] * bool(own)]
+    things = [*b.scene.colliders, *own, *sheets(b.model)]
+    parted = [any(thin(thing, x.axes, x.cell) for thing in things) for x in b.scene.things("Liquid")]
+    return [sorted({str(x) for x in liquids}), kinds(things), moved, parted, *["bodies"] * bool(own)]

@@ -1,16 +1,18 @@
-"""Where the particles of a liquid start: a lattice of ACROSS along each edge of a cell, of what shapes fill. NumPy only."""
+"""Where the particles of a liquid start: a lattice of ACROSS along each edge of a cell, of what shapes fill. On the host."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate
+from wsim.physics.collider.table import kind
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid, LiquidSource
 from wsim.physics.fluid.shells import shells
 from wsim.scene import Scene, Surface
 from wsim.scene.solids import row
 
 SLAB = 1 << 20             # places that are looked at at a time
+SKIN = 1.0e-3              # cells: what is nearer to a wall might be on its other side (kernels/particles/sides.py)
 SAMPLES = 48               # along the longest edge of a box, by which the number of particles is estimated
 
 
@@ -24,12 +26,13 @@ def lattice(liquid: Liquid, count: tuple[int, ...]) -> tuple[np.ndarray, np.ndar
     return liquid.low + 0.5 * edge, edge
 
 
-def within(thing, first: np.ndarray, edge: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """True where places first + edge * k, low <= k < high, are inside the shape of a thing at the start, (places,) bool."""
+def within(thing, first: np.ndarray, edge: np.ndarray, low: np.ndarray, high: np.ndarray, margin: float) -> np.ndarray:
+    """True where places first + edge * k, low <= k < high, are inside the shape of a thing at the start, (places,) bool; beside
+    a convex one less than margin [m], which below 0 is within."""
     index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1).reshape(-1, 3)
     M, shape = thing.motion.at(0.0), thing.shape
     if not isinstance(shape, Surface):
-        return row(shape).distance(shape, (first + edge * index - M[:3, 3]) @ M[:3, :3]) < 0.0
+        return row(shape).distance(shape, (first + edge * index - M[:3, 3]) @ M[:3, :3]) < margin
     from wsim.geometry.tetra.inside import Rays
     triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
     points = (shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3] - first) / edge
@@ -50,12 +53,13 @@ def places(liquid: Liquid, scene: Scene, count: tuple[int, ...]) -> Iterator[tup
         v = np.zeros((int(np.prod(high - low)), 3))
         full = np.zeros(len(v), bool)
         for source in filling(liquid, scene):
-            inside = within(source, first, edge, low, high)
+            inside = within(source, first, edge, low, high, -SKIN * liquid.cell)
             v[inside] = 0.0 if source.velocity is None else source.velocity
             full |= inside
-        for collider in (*scene.colliders, *shells(scene)):
-            if full.any():
-                full &= ~within(collider, first, edge, low, high)
+        met: list = [*scene.colliders, *shells(scene)]
+        for collider in met:
+            if full.any() and kind(collider.shape) != "sheet":
+                full &= ~within(collider, first, edge, low, high, SKIN * liquid.cell)
         index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1)
         yield (first + edge * index.reshape(-1, 3))[full], v[full]
 

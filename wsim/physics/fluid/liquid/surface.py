@@ -29,6 +29,7 @@ class Surface:
         real, module, dim = threads.model.real, threads.module, layout.dim
         self.threads, self.layout, self.grid, self.phi, self.fill = threads, layout, grid, phi, fill
         some = (obstacles is not None, obstacles is not None and obstacles.moving)
+        thin = obstacles is not None and bool(obstacles.shapes.thin.any())
         none = filled(structs(real).Faces)
         self.open, self.solid = (obstacles.open, obstacles.solid or none) if obstacles else (none, none)
         self.k, self.own, self.air = self._faces(), threads.zeros(layout.cells), threads.zeros(1, int)
@@ -37,7 +38,7 @@ class Surface:
         self.couple = surface.couple(dim, some[0], real, module)
         self.own_kernel = surface.own(dim, some[0], real, module)
         self.ground = surface.ground(real, module) if layout.sealed else None
-        self.outflow, self.crowding = surface.outflow(dim, *some, real, module), surface.crowding(dim, real, module)
+        self.outflow, self.crowding = surface.outflow(dim, *some, real, module), surface.crowding(dim, thin, real, module)
         self.push_kernel = surface.push(dim, *some, real, module)
         self.spread_kernel = surface.push(dim, some[0], False, real, module)
         self.multiply = conjugate.multiply(dim, FREE, real, module)
@@ -82,8 +83,8 @@ class Surface:
 
     def spread(self, d: Any, known: list[wp.array], tolerance: float) -> None:
         """The displacement of faces [m] into d, which is 0, that brings the liquid to its density at rest."""
-        self.threads.over(self.crowding, self.layout.cells, [self.grid, self.fill, self.phi, self.multigrid.grids[0].table],
-                          [self.r])
+        self.threads.over(self.crowding, self.layout.cells, [self.grid, self.fill, self.phi, self.open,
+                                                              self.multigrid.grids[0].table], [self.r])
         self._solve(tolerance)
         self._push(self.spread_kernel, d, known)
 

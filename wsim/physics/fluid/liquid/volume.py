@@ -16,10 +16,10 @@ from wsim.physics.fluid.liquid.order import Order
 class Volume:
     """sums: volumes [cells] of liquid, outside of obstacles, and of the particles, where the last step began, (1,) of 3."""
 
-    def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Any):
+    def __init__(self, threads: Threads, layout: Layout, grid: Any, obstacles: Any, thin: bool):
         real, module = threads.model.real, threads.module
         self.threads, self.layout, self.grid, self.obstacles = threads, layout, grid, obstacles
-        self.measure_kernel = volume.volume(layout.dim, obstacles is not None, real, module)
+        self.measure_kernel = volume.volume(layout.dim, obstacles is not None, thin, real, module)
         self.sum_kernel = volume.volumes(real, module)
         self.blocks = threads.blocks(layout.cells)
         self.part, self.sums = threads.zeros(self.blocks, wp.vec3d), threads.zeros(1, wp.vec3d)
@@ -29,6 +29,6 @@ class Volume:
         """Launches the sums over the cells; words: volumes of liquid and of particles, for the host."""
         o, real = self.obstacles, self.threads.model.real
         rest = real(float(ACROSS ** self.layout.dim))
-        inputs = [self.grid, full, wp.vec3i(*self.layout.nodes()), o.phi if o else None, self.open, order.first, rest]
+        inputs = [self.grid, full, wp.vec3i(*self.layout.nodes()), o.phi if o else None, self.open, order.cells, rest]
         self.threads.sum(self.measure_kernel, self.blocks, inputs, [self.part])
         self.threads.sum(self.sum_kernel, 1, [self.part], [self.sums, words])

@@ -1,0 +1,214 @@
+"""The table of colliders on the device, and what is asked of one: at any time t [s] of a frame, whichever method asks.
+
+    signed(c, k, y, t)                distance [m] of a place y to collider k, less the thickness that it keeps; below 0 within.
+                                      An open mesh has no inside: its distance is that to either side
+    closest(c, k, y, t)               (that distance, unit normal there towards y or out of the solid, the nearest place) [m]
+    rate(c, k, y, t)                  velocity of the collider at a place [m/s]
+    first_hit(c, k, a, ta, b, tb, skin)  (part of the way from a at ta to b at tb that a point may go, normal of what it meets,
+                                      towards its side); kernels/collider/segment.py
+    between(c, k, a, ta, b, tb)       whether the collider stands between two places, each at its time
+    local(c, k, y, t), world(c, k, q, t)  into the frame of its shape as the frame began, and back
+
+Where a collider is that begins a frame at (p, R), with the velocity V and the spin W through it:
+
+    x(t) = p + V t,  R(t) = exp([W t]) R
+    x(t) = p + J(W t) V t    of a `screw`: what moves as one body goes by one screw, so that no gap opens between its parts;
+                             J(f) = I + a [f] + b [f]^2,  a = (1 - cos |f|) / |f|^2,  b = (|f| - sin |f|) / |f|^3
+    a mesh that deforms ("forming"): its points y + v t too, of the frame's begin. What has come to q is found by fixed point
+"""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from wsim.kernels.collider import segment
+from wsim.kernels.contact.mesh import SHEET, SOLID
+from wsim.kernels.contact.shape import distance
+from wsim.kernels.math.real import types
+
+FIXED = 3                # steps of the fixed point: each leaves the part of a place that a mesh stretches by in a frame
+
+
+@cache
+def colliders(real):
+    """Struct of the table, one row each."""
+    t = types(real)
+
+    @wp.struct
+    class Colliders:
+        kind: wp.array(dtype=int)          # as kernels/contact has it, (rows,)
+        size: wp.array(dtype=t.vec3)       # [m]
+        mesh: wp.array(dtype=wp.uint64)    # of a surface
+        thick: wp.array(dtype=real)        # thickness that it keeps all around [m]
+        friction: wp.array(dtype=t.vec2)   # static, dynamic [1]
+        restitution: wp.array(dtype=real)  # [1]
+        place: wp.array(dtype=t.vec3)      # p [m] at the start of the frame
+        turn: wp.array(dtype=t.quat)       # R, (x, y, z, w)
+        speed: wp.array(dtype=t.vec3)      # V [m/s]
+        spin: wp.array(dtype=t.vec3)       # W [rad/s]
+        owner: wp.array(dtype=int)         # number of the rigid body that it is a part of; -1: none
+        screw: int                         # 1: they go by screws
+
+    return Colliders
+
+
+@cache
+def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
+    """The functions of the file's docstring. kinds: of shapes, "solid" and "sheet" of meshes, "forming" where points move."""
+    t, C, shape = types(real), colliders(real), segment.queries(kinds, real)
+    convex = distance(segment.convex_kinds(kinds))
+    solid, sheet, forming = ("solid" in kinds, "sheet" in kinds, "forming" in kinds)
+
+    @wp.func
+    def shifted(mesh: wp.uint64, q: wp.vec3f, time: real):
+        """How far what is nearest to q has gone, [m]."""
+        near = wp.mesh_query_point_no_sign(mesh, q, float(1.0e9))
+        way = wp.vec3f()
+        if near.result:
+            way = float(time) * wp.mesh_eval_velocity(mesh, near.face, near.u, near.v)
+        return way
+
+    @wp.func
+    def turned(c: C, k: int, time: real):
+        way = time * c.spin[k]
+        angle = wp.length(way)
+        q = c.turn[k]
+        if angle > real(0.0):
+            q = wp.quat_from_axis_angle(way / angle, angle) * q
+        return q
+
+    @wp.func
+    def center(c: C, k: int, time: real):
+        """Where a shape's origin is [m]."""
+        way = time * c.speed[k]
+        if c.screw != 0:
+            f = time * c.spin[k]
+            angle = wp.length(f)
+            half = real(0.5) * angle
+            square = angle * angle
+            a = real(0.5) - square * (real(1.0 / 24.0) - square / real(720.0))
+            b = real(1.0 / 6.0) - square * (real(1.0 / 120.0) - square / real(5040.0))
+            if angle > real(0.03):
+                a = real(0.5) * (wp.sin(half) / half) * (wp.sin(half) / half)
+                b = (angle - wp.sin(angle)) / (angle * angle * angle)
+            turn = wp.cross(f, way)
+            way = way + a * turn + b * wp.cross(f, turn)
+        return c.place[k] + way
+
+    @wp.func(inline=False)
+    def local(c: C, k: int, y: t.vec3, time: real):
+        q = wp.quat_rotate_inv(turned(c, k, time), y - center(c, k, time))
+        if wp.static(forming):
+            if c.kind[k] >= SOLID:
+                way = wp.vec3f()
+                steps = int(FIXED)                             # a variable: the loop is compiled once
+                for _ in range(steps):
+                    way = shifted(c.mesh[k], wp.vec3f(q) - way, time)
+                q = q - t.vec3(real(way[0]), real(way[1]), real(way[2]))
+        return q
+
+    @wp.func(inline=False)
+    def world(c: C, k: int, q: t.vec3, time: real):
+        r = q
+        if wp.static(forming):
+            if c.kind[k] >= SOLID:
+                way = shifted(c.mesh[k], wp.vec3f(q), time)
+                r = q + t.vec3(real(way[0]), real(way[1]), real(way[2]))
+        return center(c, k, time) + wp.quat_rotate(turned(c, k, time), r)
+
+    @wp.func
+    def near_mesh(kind: int, mesh: wp.uint64, at: wp.vec3f):
+        phi = real(1.0e9)
+        n = t.vec3(real(0.0), real(0.0), real(1.0))
+        sign = float(1.0)
+        p = at
+        face = int(-1)
+        if wp.static(solid):
+            if kind == SOLID:
+                near = wp.mesh_query_point_sign_normal(mesh, at, float(1.0e9))
+                if near.result:
+                    sign = near.sign
+                    face = near.face
+                    p = wp.mesh_eval_position(mesh, near.face, near.u, near.v)
+        if wp.static(sheet):
+            if kind == SHEET:
+                open = wp.mesh_query_point_no_sign(mesh, at, float(1.0e9))
+                if open.result:
+                    face = open.face
+                    p = wp.mesh_eval_position(mesh, open.face, open.u, open.v)
+        if face >= 0:
+            far = wp.length(at - p)
+            m = wp.mesh_eval_face_normal(mesh, face)
+            if far > float(0.0):
+                m = sign * (at - p) / far
+            phi = real(sign * far)
+            n = t.vec3(real(m[0]), real(m[1]), real(m[2]))
+        return phi, n
+
+    @wp.func
+    def closest(c: C, k: int, y: t.vec3, time: real):
+        turn = turned(c, k, time)
+        q = wp.quat_rotate_inv(turn, y - center(c, k, time))
+        kind = c.kind[k]
+        phi = real(1.0e9)
+        n = t.vec3(real(0.0), real(0.0), real(1.0))
+        if wp.static(solid or sheet):
+            if kind >= SOLID:
+                at = wp.vec3f(q)
+                if wp.static(forming):
+                    at = at - shifted(c.mesh[k], at, time)
+                phi, n = near_mesh(kind, c.mesh[k], at)
+        if kind < SOLID:
+            found, m = convex(kind, c.size[k], q)
+            phi = found
+            n = m
+        n = wp.quat_rotate(turn, n)
+        return phi - c.thick[k], n, y - phi * n
+
+    @wp.func
+    def signed(c: C, k: int, y: t.vec3, time: real):
+        phi, n, p = closest(c, k, y, time)
+        return phi
+
+    @wp.func
+    def rate(c: C, k: int, y: t.vec3, time: real):
+        r = y - center(c, k, time)
+        v = c.speed[k] + wp.cross(c.spin[k], r)
+        if c.screw != 0:
+            v = c.speed[k] + wp.cross(c.spin[k], y - c.place[k])
+        if wp.static(forming):
+            if c.kind[k] >= SOLID:
+                q = turned(c, k, time)
+                own = shifted(c.mesh[k], wp.vec3f(wp.quat_rotate_inv(q, r)), real(1.0))
+                v += wp.quat_rotate(q, t.vec3(real(own[0]), real(own[1]), real(own[2])))
+        return v
+
+    @wp.func
+    def first_hit(c: C, k: int, a: t.vec3, ta: real, b: t.vec3, tb: real, skin: real):
+        s, n = shape.first_hit(c.kind[k], c.size[k], c.mesh[k], local(c, k, a, ta), local(c, k, b, tb), skin)
+        return s, wp.quat_rotate(turned(c, k, ta + s * (tb - ta)), n)
+
+    @wp.func
+    def between(c: C, k: int, a: t.vec3, ta: real, b: t.vec3, tb: real):
+        return shape.between(c.kind[k], c.size[k], c.mesh[k], local(c, k, a, ta), local(c, k, b, tb))
+
+    return SimpleNamespace(shifted=shifted, turned=turned, center=center, local=local, world=world, signed=signed, rate=rate,
+                           closest=closest, first_hit=first_hit, between=between)
+
+
+@cache
+def follow(real, module):
+    """Kernel over points of a mesh: places and velocities of the points of the state that it is made of."""
+    t = types(real)
+
+    def follow(row: wp.array(dtype=int), x: wp.array(dtype=t.vec3), v: wp.array(dtype=t.vec3),
+               place_out: wp.array(dtype=wp.vec3f), rate_out: wp.array(dtype=wp.vec3f)):
+        k = wp.tid()
+        place_out[k] = wp.vec3f(x[row[k]])
+        rate_out[k] = wp.vec3f(v[row[k]])
+
+    return wp.kernel(follow, name=f"follow_{t.name}", module=module, enable_backward=False)

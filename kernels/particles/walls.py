@@ -1,0 +1,190 @@
+"""Walls that are thinner than the grid can tell, in a liquid: of both their sides no face and no particle knows the other.
+
+    between     a wall stands between two places: the segment from one to the other meets it (kernels/collider/segment.py)
+    face        closed where a wall stands between the centres of its two cells; a path from cell to cell that avoids all
+                closed faces never comes through a wall, however thin it is and however it lies
+    cut         bits of a face: a wall stands between it and the next one along an axis, so that no velocity is extended there
+    part        of the hat about a cell's centre, on this side of the walls: the product over the walls about it of
+                1/2 + d - d^2 / 2, d their distance in cells (exact of one wall along the grid, and of corners of such)
+    seen        bits of a particle: rows of the grid about it that no wall hides. CENTERS + m: corner m of those of the cells;
+                then of each component in turn, bit b of m along axis b
+
+Walls stand where they are at the step's end, and a particle stands to them as it did where the step begins.
+"""
+
+# ruff: noqa: UP018, SIM102
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.fluid import shapes as moved
+from wsim.kernels.fluid.grid import flat, functions, structs
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.sort import tables, where
+from wsim.kernels.particles.transfers import stencils
+
+FAR = 4.0                # cells: distances are told up to there
+REACH = 2.7              # cells from the centre of a particle's cell to the furthest row about it
+RAY = 1.75               # cells, sqrt(3): a plane that is nearer than 1 is met along an axis
+SAME = 0.7               # cosine between normals from which on they are of one wall
+LEAST = 0.1              # of a hat, as in fill.py
+
+
+@cache
+def clearance(dim: int, kinds: tuple[str, ...], real, module):
+    """Kernel over cells: clear_out, distance [m] of a cell's centre to the nearest shape and to the nearest thin wall, less the
+    way that these go in the step; FAR cells at most."""
+    t, G, S, f, s = types(real), structs(real), moved.structs(real), functions(dim, real), moved.functions(dim, kinds, real)
+
+    def clearance(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear_out: wp.array(dtype=t.vec2)):
+        c = wp.tid()
+        i = f.place(c, g.n)
+        y = s.spot(shapes, t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(-1))
+        found = t.vec2(real(FAR) * g.dx, real(FAR) * g.dx)
+        for k in range(shapes.of.kind.shape[0]):
+            time = clock[0] + clock[1]
+            d = wp.abs(s.signed(shapes.of, k, y, time)) - clock[0] * wp.length(s.rate(shapes, k, y, time))
+            found[0] = wp.min(found[0], d)
+            if shapes.thin[k] != 0:
+                found[1] = wp.min(found[1], d)
+        clear_out[c] = found
+
+    return wp.kernel(clearance, name=f"walls_clear_{s.name}", module=module, enable_backward=False)
+
+
+@cache
+def hidden(dim: int, kinds: tuple[str, ...], real):
+    """Function (shapes, a, ta, b, tb) -> whether a thin wall stands between places a and b [cells], at their times."""
+    t, S, s = types(real), moved.structs(real), moved.functions(dim, kinds, real)
+
+    @wp.func(inline=False)
+    def hidden(shapes: S.Shapes, a: t.vec3, ta: real, b: t.vec3, tb: real):
+        found = bool(False)
+        for k in range(shapes.of.kind.shape[0]):
+            if shapes.thin[k] != 0 and not found:
+                found = s.between(shapes.of, k, s.spot(shapes, a), ta, s.spot(shapes, b), tb)
+        return found
+
+    return hidden
+
+
+@cache
+def shut(dim: int, kinds: tuple[str, ...], real, module):
+    """Kernel over the faces of an axis: open_out 0 of those that a wall closes, and cut_out."""
+    t, G, S, f = types(real), structs(real), moved.structs(real), functions(dim, real)
+    behind = hidden(dim, kinds, real)
+
+    def shut(g: G.Grid, axis: int, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
+             open_out: wp.array(dtype=real), cut_out: wp.array(dtype=int)):
+        c = wp.tid()
+        i = f.place(c, f.faces(g, axis))
+        j = wp.vec3i(wp.min(i[0], g.n[0] - 1), wp.min(i[1], g.n[1] - 1), wp.min(i[2], g.n[2] - 1))
+        near = clear[flat(j, g.n)]
+        bits = int(0)
+        if near[1] < real(REACH) * g.dx:
+            at = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(axis)
+            time = clock[0] + clock[1]
+            half = t.vec3()
+            half[axis] = real(0.5)
+            if i[axis] > 0 and i[axis] < g.n[axis] or g.periodic[axis] != 0:
+                if behind(shapes, at - half, time, at + half, time):
+                    open_out[c] = real(0.0)
+            for b in range(wp.static(dim)):
+                next = at
+                next[b] = at[b] + real(1.0)
+                if behind(shapes, at, time, next, time):
+                    bits = bits | (1 << b)
+        cut_out[c] = bits
+
+    return wp.kernel(shut, name=f"walls_shut_{dim}d_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def share(dim: int, kinds: tuple[str, ...], real, module):
+    """Kernel over cells: part_out of the hat about a centre that no wall hides."""
+    t, G, S, f, s = types(real), structs(real), moved.structs(real), functions(dim, real), moved.functions(dim, kinds, real)
+    planes = wp.types.matrix((6, 4), real)
+
+    @wp.func(inline=False)
+    def met(shapes: S.Shapes, x: t.vec3, way: t.vec3, time: real):
+        """Distance [cells] of the plane that a ray meets, and its normal."""
+        least = real(2.0)
+        n = t.vec3()
+        y = s.spot(shapes, x)
+        z = s.spot(shapes, x + way)
+        for k in range(shapes.of.kind.shape[0]):
+            if shapes.thin[k] != 0:
+                part, normal = s.first_hit(shapes.of, k, y, time, z, time, real(0.0))
+                if part < real(1.0) and part < least:
+                    least = part
+                    n = normal
+        d = real(FAR)
+        if least < real(1.0):
+            d = least * wp.abs(wp.dot(z - y, n)) / shapes.dx
+        return d, n
+
+    def share(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2),
+              part_out: wp.array(dtype=real)):
+        c = wp.tid()
+        i = f.place(c, g.n)
+        part = real(1.0)
+        near = clear[c]
+        if near[1] < real(1.0) * g.dx:
+            x = t.vec3(real(i[0]), real(i[1]), real(i[2])) + f.offset(-1)
+            known = planes()
+            count = int(0)
+            rays = int(wp.static(2 * dim))
+            for m in range(rays):
+                way = t.vec3()
+                way[m // 2] = real(RAY) * real(2 * (m % 2) - 1)
+                d, n = met(shapes, x, way, clock[0] + clock[1])
+                row = int(-1)
+                for j in range(count):
+                    if known[j, 0] * n[0] + known[j, 1] * n[1] + known[j, 2] * n[2] > real(SAME):
+                        row = j
+                if row < 0 and d < real(1.0):
+                    row = count
+                    count += 1
+                    known[row, 0] = n[0]
+                    known[row, 1] = n[1]
+                    known[row, 2] = n[2]
+                    known[row, 3] = d
+                elif row >= 0:
+                    known[row, 3] = wp.min(known[row, 3], d)
+            for j in range(count):
+                d = known[j, 3]
+                part *= real(0.5) + d - real(0.5) * d * d
+        part_out[c] = wp.max(part, real(LEAST))
+
+    return wp.kernel(share, name=f"walls_share_{s.name}", module=module, enable_backward=False)
+
+
+@cache
+def see(dim: int, kinds: tuple[str, ...], real, module):
+    """Kernel over rows: seen_out of each particle."""
+    t, G, S, T = types(real), structs(real), moved.structs(real), tables(real)
+    f, r, cell, behind = functions(dim, real), stencils(dim, real), where(dim, real), hidden(dim, kinds, real)
+
+    def see(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2), particles: T.Particles,
+            seen_out: wp.array(dtype=int)):
+        p = wp.tid()
+        bits = int(-1)
+        if particles.id[p] >= 0:
+            x = particles.x[p]
+            near = clear[flat(cell(g, x), g.n)]
+            if near[1] < real(REACH) * g.dx:
+                corners = int(wp.static(2 ** dim))
+                sets = int(wp.static(dim))                     # a variable: the loop is compiled once
+                for e in range(-1, sets):
+                    at = r.rows(g, e, x)
+                    base = t.vec3(wp.floor(at[0]), wp.floor(at[1]), real(0.0))
+                    if wp.static(dim == 3):
+                        base[2] = wp.floor(at[2])
+                    for m in range(corners):
+                        row = base + t.vec3(real(m % 2), real((m // 2) % 2), real(m // 4)) + f.offset(e)
+                        if behind(shapes, x / g.dx, clock[1], row, clock[0] + clock[1]):
+                            bits = bits & ~(1 << ((e + 1) * corners + m))
+        seen_out[p] = bits
+
+    return wp.kernel(see, name=f"walls_see_{dim}d_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)

@@ -1,0 +1,159 @@
+"""The table of colliders on the device (kernels/collider/table.py): which rows there are, and where they are in each frame.
+
+Fluids fill one with all that they meet. A method from outside takes `build.colliders`, of the scene's colliders, poses it where
+a frame begins, and asks it in its kernels:
+
+    self.colliders = b.colliders
+    ask = queries(self.colliders.kinds, real)                       # kernels/collider/table.py: signed, closest, rate, ...
+    def before_frame(self, time, clock): self.colliders.pose(time, clock.dt)
+"""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from wsim.geometry import rotation
+from wsim.geometry.triangulate import triangulate
+from wsim.kernels.collider.table import colliders, follow
+from wsim.kernels.contact import shape as convex
+from wsim.kernels.contact.mesh import SHEET, SOLID
+from wsim.kernels.math.real import types
+from wsim.model.model import Model
+from wsim.model.structs import filled
+from wsim.scene import Surface, solids
+from wsim.scene.solids import row
+
+MESHES = {"solid": SOLID, "sheet": SHEET}
+
+
+def kind(shape: Any) -> str:
+    """Name of a kind of shape: a convex one's, "solid" of a closed mesh, "sheet" of an open one."""
+    if not isinstance(shape, Surface):
+        return row(shape).kind
+    triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+    return "solid" if closed(triangles) else "sheet"
+
+
+def closed(triangles: np.ndarray) -> bool:
+    """True if every edge is of two triangles."""
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], -1).reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all()) and len(triangles) > 0
+
+
+def forms(thing: Any) -> bool:
+    """True of a mesh whose points move."""
+    poses = getattr(thing.shape, "poses", None)
+    return getattr(thing, "rows", None) is not None or poses is not None and (poses.moves or hasattr(poses, "skeleton"))
+
+
+def kinds(things: list) -> tuple[str, ...]:
+    """Kinds of their shapes, "forming" among them where a mesh's points move."""
+    return tuple(sorted({kind(thing.shape) for thing in things} | {"forming" for thing in things if forms(thing)}))
+
+
+def code(name: str) -> int:
+    """By which kernels tell a kind of shape."""
+    convex.make_known(solids.SOLIDS, [name])
+    return MESHES[name] if name in MESHES else convex.code(name)
+
+
+def screws(turn: np.ndarray) -> np.ndarray:
+    """J of rotation vectors (n, 3) [rad], see kernels/collider/table.py, (n, 3, 3)."""
+    x, y, z = turn.T
+    o = np.zeros_like(x)
+    cross = np.stack([o, -z, y, z, o, -x, -y, x, o], -1).reshape(-1, 3, 3)
+    f = np.linalg.norm(turn, axis=1)[:, None, None]
+    small, square = f < 0.03, f * f
+    f = np.where(small, 1.0, f)
+    a = np.where(small, 0.5 - square * (1.0 / 24.0 - square / 720.0), 0.5 * (np.sin(0.5 * f) / (0.5 * f)) ** 2)
+    b = np.where(small, 1.0 / 6.0 - square * (1.0 / 120.0 - square / 5040.0), (f - np.sin(f)) / f ** 3)
+    return np.eye(3) + a * cross + b * cross @ cross
+
+
+class ColliderTable:
+    """`rows` of things that have a `shape` and a `motion`; and of colliders friction, restitution and thickness, of bodies the
+    `body` that owns them. Places count from a corner, world (3,) [m]."""
+
+    def __init__(self, model: Model, things: list, corner: Any = (0.0, 0.0, 0.0), thick: list[float] | None = None,
+                 screw: bool = True):
+        self.things, self.corner, self.model = things, np.asarray(corner, np.float64), model
+        t, n, device, dtype = types(model.real), len(things), model.device, model.dtype
+        self.kinds = kinds(things)
+        self.meshes = [self._mesh(thing) if isinstance(thing.shape, Surface) else None for thing in things]
+        self.state: Any = None                                 # that meshes with `rows` of its points follow
+        self.shift = np.zeros((n, 3))                          # [m] added to where motions say that they are
+        size = [(0.0, 0.0, 0.0) if isinstance(thing.shape, Surface) else row(thing.shape).size(thing.shape) for thing in things]
+        kept = [getattr(thing, "thickness", None) or 0.0 for thing in things] if thick is None else thick
+        rub = [[getattr(thing, f"{name}_friction", 0.0) for name in ("static", "dynamic")] for thing in things]
+
+        def up(values, of, kind=None):
+            return model.upload(np.array(values, dtype if kind is None else kind), of)
+        self.rows = filled(
+            colliders(model.real), kind=up([code(kind(thing.shape)) for thing in things], int, np.int32),
+            size=up(size, t.vec3), thick=up(kept, model.real), friction=up(np.reshape(rub, (n, 2)), t.vec2),
+            restitution=up([getattr(thing, "restitution", 0.0) for thing in things], model.real),
+            mesh=up([m.id if m else 0 for m in self.meshes], wp.uint64, np.uint64), screw=int(screw),
+            owner=up([getattr(thing, "body", -1) for thing in things], int, np.int32),
+            **{name: wp.zeros(n, dtype=t.quat if name == "turn" else t.vec3, device=device)
+               for name in ("place", "turn", "speed", "spin")})
+        self.follow = follow(model.real, model.module) if any(hasattr(thing, "rows") for thing in things) else None
+        self.posed: tuple = ()                                 # what was uploaded last
+        self.pose(0.0, 1.0)
+
+    def _mesh(self, thing: Any) -> wp.Mesh:
+        shape, device = thing.shape, self.model.device
+        triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+        rates = wp.zeros(len(shape.points), dtype=wp.vec3f, device=device) if forms(thing) else None
+        return wp.Mesh(wp.array(shape.points, dtype=wp.vec3f, device=device),
+                       wp.array(triangles.ravel(), dtype=int, device=device), rates)
+
+    def _form(self, time: float, dt: float) -> None:
+        """Points of meshes where the frame begins, and how fast they move through it."""
+        for thing, mesh in zip(self.things, self.meshes, strict=True):
+            if mesh is None or not forms(thing):
+                continue
+            if getattr(thing, "rows", None) is None:
+                first, last = (np.asarray(thing.shape.poses.at(t), np.float64) for t in (time, time + dt))
+                mesh.points.assign(first.astype(np.float32))
+                mesh.velocities.assign(((last - first) / dt).astype(np.float32))
+            elif self.state is not None:
+                rows = self.model.upload(thing.rows.astype(np.int32), int)
+                self.model.launch(self.follow, len(thing.rows), [rows, self.state.x, self.state.v],
+                                  [mesh.points, mesh.velocities])
+            mesh.refit()
+
+    @property
+    def moving(self) -> bool:
+        return any(thing.motion.moves or forms(thing) for thing in self.things) or self.bodies
+
+    @property
+    def moved(self) -> list[str]:
+        """Paths of those that go by a motion, which is evaluated before frames."""
+        return [thing.path for thing in self.things if thing.motion.moves]
+
+    @property
+    def bodies(self) -> bool:
+        """Some are of rigid bodies (`wsim.physics.fluid.shells`)."""
+        return any(getattr(thing, "body", -1) >= 0 for thing in self.things)
+
+    def pose(self, time: float, dt: float) -> None:
+        """Uploads where the frame from `time` [s] begins, and how fast all moves through it, dt [s] long."""
+        self._form(time, dt)
+        if not self.things:
+            return
+        now = dt, self.shift.tobytes(), [id(thing.motion) for thing in self.things]
+        if self.posed == now and not self.moving:
+            return
+        self.posed = now
+        M = np.array([thing.motion.sampled([time, time + dt]) for thing in self.things]).reshape(-1, 2, 4, 4)
+        first, last = M[:, 0], M[:, 1]
+        axis, angle = rotation.axis_angle(last[:, :3, :3] @ first[:, :3, :3].swapaxes(1, 2))
+        turn = angle[:, None] * axis
+        speed = (last[:, :3, 3] - first[:, :3, 3]) / dt
+        if self.rows.screw:
+            speed = np.linalg.solve(screws(turn), speed[:, :, None])[:, :, 0]
+        values = {"place": first[:, :3, 3] - self.corner + self.shift, "turn": rotation.quaternion(first[:, :3, :3]),
+                  "speed": speed, "spin": turn / dt}
+        for name, value in values.items():
+            getattr(self.rows, name).assign(np.ascontiguousarray(value, self.model.dtype))
