@@ -56,7 +56,7 @@ SLOW = PHYSICS | {
         "test_a_chain_of_springs_by_every_explicit_integrator": ["rk4", "leapfrog", "midpoint", "explicit_euler"],
         "test_where_a_pin_puts_its_points": ["implicit-bdf2-True"],
         "test_a_soft_bar": ["corotational-0.0", "neo_hookean-0.0", "corotational-0.001", "neo_hookean-0.001", "linear-0.0"],
-        "test_a_soft_bar_by_implicit_steps": ["sdirk3-neo_hookean"]},
+        "test_a_soft_bar_by_implicit_steps": ["sdirk3-neo_hookean", "implicit_midpoint-corotational"]},
     "gradient/test_paths.py": {
         "test_contacts_that_few_newton_steps_do_not_find_are_sought_once_more": ["1"]},
     "gradient/test_products.py": {
@@ -121,11 +121,15 @@ SLOW = PHYSICS | {
     "tools/test_lint.py": {
         "test_the_sources_keep": ["layers", "size", "words"]},
     "tools/test_packaging.py": {
-        "test_an_editable_clone_is_imported_from_its_parent_folder": []},
+        "test_an_editable_clone_is_imported_from_its_parent_folder": [],
+        "test_root_folders_are_inside_the_package": [],
+        "test_schemas_are_inside": [],
+        "test_nothing_else_is_installed": [],
+        "test_a_type_checker_is_told_that_it_is_typed": []},
     "tools/test_reference.py": {
         "test_converged_integrators_have_their_order": ["backward_euler-1"]},
     "tools/test_scenes.py": {
-        "test_scenes_run": ["shirt", "ribbon", "twisted_cloth", "rollers", "worn_shirt", "cape"],
+        "test_scenes_run": ["shirt", "ribbon", "twisted_cloth", "rollers", "worn_shirt", "cape", "hanging_cloth"],
         "test_rollers_pull_a_cloth_at_their_speed": [],
         "test_the_humanoid_comes_to_rest_with_its_joints_closed": [],
         "test_rigid_scenes_stand_until_the_ball_comes_and_fall_then": ["arch-2.9-0.005-12", "dominoes-0.0-0.001-30",
@@ -134,14 +138,18 @@ SLOW = PHYSICS | {
         "test_the_bar_is_twisted_by_a_full_turn_and_keeps_its_volume": [],
         "test_scenes_of_fluids_blow_smoke": ["waved_flag", "cavity"]},
     "tools/test_stress_rows.py": {
-        "test_the_abuse_ends_finite_and_recovers": ["yanked", "slivers 1:100000", "membrane 1e-3", "needles 1:100"],
+        "test_the_abuse_ends_finite_and_recovers": ["yanked", "slivers 1:100000", "membrane 1e-3", "needles 1:100", "buttons"],
         "test_a_soft_body_ends_finite_and_recovers": ["soft inside out, corotational"]},
+    "tools/test_stress_work.py": {
+        "test_what_carries_the_scene_gives_what_leapfrog_has": []},
     "usd/new/test_new_asset.py": {
         "test_a_scene_that_another_stage_refers_to_still_runs": ["cloth", "softbody"]},
     "usd/new/test_new_softbody.py": {
         "test_a_mesh_among_others_moves_into_a_body_of_its_own": ["/ball"]},
     "usd/prims/test_painted.py": {
         "test_faces_in_series_stretch_each_by_its_own_stiffness": ["xpbd-128"]},
+    "usd/prims/test_rods.py": {
+        "test_thirty_strands_in_one_another_are_solved_with_whatever_room_there_is": []},
     "usd/result/test_keeping.py": {
         "test_restarts_and_interrupted_runs_leave_copies_alone": [".usd", ".usda"]},
     "usd/result/test_resume.py": {
@@ -152,6 +160,8 @@ SLOW = PHYSICS | {
         "test_what_bodies_and_smoke_write_passes": ["plume-more2"]},
     "usd/test_first_hour.py": {
         "test_new_answers_with_one_line_that_has_the_cure": ["a half-open one"]},
+    "usd/test_soft_abuse.py": {
+        "test_a_spoilt_attribute_is_read_or_refused": []},
     "usd/test_splines.py": {
         "test_a_motion_of_any_kind_comes_back_from_a_file": ["eased"]},
     "usd/test_value_clips.py": {

@@ -18,7 +18,7 @@ PHYSICS = {
         "test_gradients_go_through_every_solver": ["how2", "how1", "how0", "how4"]},
     "physics/cloth/test_live_fabric.py": {
         "test_by_poisson_s_ratio": ["rk4-more6--0.4-25.0", "leapfrog-more1-0.0-0.0", "xpbd-more2-0.2-25.0",
-            "newton-more5-0.0-0.0", "newton-more8--0.4-25.0"],
+            "newton-more5-0.0-0.0", "newton-more8--0.4-25.0", "newton-more4-0.2-25.0"],
         "test_by_a_strain_limit": ["membrane-newton", "membrane-leapfrog", "springs-leapfrog", "springs-newton",
             "membrane-xpbd"],
         "test_what_a_pin_bears_by_poisson_s_ratio": ["newton", "leapfrog"],
@@ -211,7 +211,8 @@ PHYSICS = {
             "float32-32"],
         "test_a_ball_rests_on_the_bounds_of_a_mesh": ["boundingCube-1.0"]},
     "physics/rigid/standing/test_stacks.py": {
-        "test_everyday_objects_stand_at_the_defaults_of_a_stage": ["tower", "twenty cubes of four millimetres"]},
+        "test_everyday_objects_stand_at_the_defaults_of_a_stage": ["tower", "twenty cubes of four millimetres",
+            "ten tonnes on a kilogram"]},
     "physics/rigid/standing/test_statics.py": {
         "test_two_cards_that_lean_on_each_other_stand_where_friction_is_enough": ["1.05-True"],
         "test_an_arch_stands_where_it_is_thicker_than_milankovitch_says": ["0.12-True", "0.16-True"],

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.conftest import first_and_slow
 from wsim.geometry import rotation
 from wsim.geometry.rotation import about_axis
 from wsim.scene.curve import Curve, Motion, Part, Stack
@@ -65,7 +66,7 @@ def moved(motion: Motion, at=AT) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("side", ["held", "linear"])
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_and_slow(range(3)))
 def test_no_pose_leaves_its_bounds(kind, side, seed):
     motion = Motion(TIMES, keys(seed), kind, side, side, **KINDS[kind])
     bound, (far, fast) = fastest(motion, FRAMES, AT), moved(motion)
