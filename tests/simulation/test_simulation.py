@@ -344,9 +344,9 @@ def test_wrong_options_are_named(options, text):
 def test_out_of_memory_in_a_frame_is_said_in_words():
     sim = Simulation(chain(2), **CPU)
 
-    def full(time):
+    def full(sim):
         raise RuntimeError("Failed to allocate 12000000 bytes on device 'cuda:0'")
-    sim.plan.before_frame = full
+    sim.host.before_frame = full
     with pytest.raises(SceneError, match="out of memory .*12000000.*use a smaller scene"):
         sim.step()
 
