@@ -155,7 +155,8 @@ SLOW = PHYSICS | {
     "usd/result/test_resume.py": {
         "test_a_restart_from_the_fields_is_exact": ["draped-explicit-leapfrog", "draped-xpbd-backward_euler",
             "draped-xpbd-bdf2", "blown-explicit-rk4", "draped-implicit-backward_euler", "blown-explicit-leapfrog",
-            "draped-implicit-implicit_midpoint"]},
+            "draped-implicit-implicit_midpoint"],
+        "test_a_restart_that_lacks_a_field_begins_without_history": ["explicit-leapfrog-b"]},
     "usd/test_compliance.py": {
         "test_what_bodies_and_smoke_write_passes": ["plume-more2"]},
     "usd/test_first_hour.py": {

@@ -3,7 +3,8 @@
 PHYSICS = {
     "physics/animation/test_skinning.py": {
         "test_a_character_is_where_usd_skins_it_at_frames_and_between": ["CesiumMan.usdz-classicLinear-float32"],
-        "test_device_and_host_agree_with_blend_shapes_and_scales": ["dualQuaternion-True"]},
+        "test_device_and_host_agree_with_blend_shapes_and_scales": ["dualQuaternion-True"],
+        "test_skeletons_of_a_scene_are_evaluated_together_and_each_moves_its_own_mesh": []},
     "physics/cloth/test_bending.py": {
         "test_a_strip_bends_alike_on_every_mesh_with_order_two": ["skewed"],
         "test_solvers_come_to_rest_where_the_beam_does": ["xpbd-backward_euler-8"]},
@@ -11,7 +12,8 @@ PHYSICS = {
         "test_a_limp_disc_hangs_down_and_a_stiff_one_stays_flat": ["0.05-5.0-45.0"]},
     "physics/cloth/test_edge_contacts.py": {
         "test_nothing_sharp_stands_out_between_points": [],
-        "test_a_box_that_flies_between_points_of_a_sheet_is_met_and_momentum_is_kept": ["leapfrog"]},
+        "test_a_box_that_flies_between_points_of_a_sheet_is_met_and_momentum_is_kept": ["leapfrog"],
+        "test_folds_beside_a_corner_gain_no_energy": []},
     "physics/cloth/test_element_adjoint.py": {
         "test_gradients_are_those_of_differences": ["dihedral-True"]},
     "physics/cloth/test_kind.py": {
@@ -23,7 +25,9 @@ PHYSICS = {
             "membrane-xpbd"],
         "test_what_a_pin_bears_by_poisson_s_ratio": ["newton", "leapfrog"],
         "test_as_an_input_of_a_rollout": ["True-poisson-<lambda>", "False-poisson-<lambda>"],
-        "test_limits_of_a_new_rest_shape_are_live_ones": ["newton"]},
+        "test_limits_of_a_new_rest_shape_are_live_ones": ["newton"],
+        "test_explicit_steps_follow_a_poisson_s_ratio_that_stiffens": [],
+        "test_a_live_value_is_that_of_a_scene_built_with_it": ["strain_limit-values5-<lambda>"]},
     "physics/cloth/test_muscles.py": {
         "test_muscles_move_a_soft_body_over_the_ground": [],
         "test_newtons_method_moves_it_as_far_as_leapfrog": [],
@@ -41,7 +45,8 @@ PHYSICS = {
     "physics/compiled/test_alone.py": {
         "test_a_whole_module_has_the_bits_of_its_parts": ["implicit-float64"]},
     "physics/contact/test_candidate_lists.py": {
-        "test_lists_find_what_a_search_of_the_whole_mesh_finds": ["sheet-deforms-float64"]},
+        "test_lists_find_what_a_search_of_the_whole_mesh_finds": ["sheet-deforms-float64"],
+        "test_a_run_is_that_of_searches_in_every_substep": []},
     "physics/contact/test_candidates.py": {
         "test_a_list_tells_what_the_tree_tells": ["more than a list has room for-sheet", "more than a list has room for-solid",
             "few faces-solid"]},
@@ -64,7 +69,8 @@ PHYSICS = {
             "deforming-leapfrog"],
         "test_a_plane_of_triangles_has_the_gradients_of_a_plane": ["xpbd-False", "leapfrog-False", "leapfrog-True"],
         "test_by_the_restitution_of_two_colliders_in_two_worlds": ["explicit-leapfrog"],
-        "test_the_graph_of_a_deforming_mesh_has_the_bits_of_its_launches": []},
+        "test_the_graph_of_a_deforming_mesh_has_the_bits_of_its_launches": [],
+        "test_the_motion_of_a_collider_is_found_from_what_it_throws": []},
     "physics/contact/test_friction_newton.py": {
         "test_a_cloth_on_a_ball_is_strained_as_little_with_friction_as_without": ["bdf2", "backward_euler"]},
     "physics/contact/test_midpoint.py": {
@@ -77,7 +83,8 @@ PHYSICS = {
         "test_a_collider_that_moves_far_away_has_no_poses": ["catmull_rom-shape1"],
         "test_a_broad_phase_changes_no_bit": ["0-float32"]},
     "physics/contact/test_project.py": {
-        "test_a_resting_point_stays_for_1000_substeps": ["shape6-float64"]},
+        "test_a_resting_point_stays_for_1000_substeps": ["shape6-float64"],
+        "test_indicators_tell_how_deep_points_are": []},
     "physics/contact/test_project_adjoint.py": {
         "test_a_sheet_that_falls_on_a_turning_collider_and_slides": ["plane-leapfrog", "sphere-leapfrog", "box-leapfrog",
             "capsule-leapfrog", "cylinder-leapfrog", "cone-leapfrog", "box-xpbd"],
@@ -87,7 +94,7 @@ PHYSICS = {
     "physics/contact/test_restitution.py": {
         "test_a_sheet_thrown_at_a_sphere_never_gains_energy": ["implicit-backward_euler-0.0", "implicit-bdf2-0.0",
             "xpbd-backward_euler-0.0", "xpbd-bdf2-0.0"],
-        "test_sensitivities_are_those_of_the_motion": ["midpoint-118-3", "rk4-118-3", "leapfrog-90-2", "leapfrog-118-3"],
+        "test_sensitivities_are_those_of_the_motion": [],
         "test_a_sheet_thrown_at_a_sphere_has_the_gradients_of_its_scheme": ["xpbd-backward_euler", "xpbd-bdf2",
             "explicit-leapfrog"],
         "test_sensitivities_of_xpbd_are_of_first_order": [],
@@ -100,7 +107,7 @@ PHYSICS = {
     "physics/contact/test_toy_shape.py": {
         "test_cloth_rests_on_it": ["implicit-more1", "explicit-more2"]},
     "physics/fluid/liquid/test_bodies.py": {
-        "test_the_buoyancy_of_what_is_as_dense_as_the_liquid_is_its_weight": ["shape1-7.8"],
+        "test_the_buoyancy_of_what_is_as_dense_as_the_liquid_is_its_weight": ["shape1-7.8", "shape0-6.3"],
         "test_a_light_body_rises_as_its_added_mass_lets_it": ["10.0"],
         "test_momentum_goes_from_a_stream_to_a_body": []},
     "physics/fluid/liquid/test_liquid.py": {
@@ -130,12 +137,12 @@ PHYSICS = {
         "test_any_number_of_threads_gives_the_bits_of_launch_by_launch": ["everything-2", "blown-3"]},
     "physics/fused/test_contact_faces.py": {
         "test_threads_that_share_faces_find_the_contacts_of_one_that_tries_all": ["closed-lists", "open-lists",
-            "closed-lists without room"]},
+            "closed-lists without room", "open-lists without room"]},
     "physics/fused/test_contact_lanes.py": {
         "test_threads_that_try_a_collider_each_find_the_contacts_of_one_that_tries_all": ["box-0.0", "plane-0.001",
             "sphere-0.0", "plane-0.0", "box-0.001", "sphere-0.001"]},
     "physics/fused/test_fused.py": {
-        "test_one_launch_of_many_substeps_leaves_the_bits": ["everything-float32"]},
+        "test_one_launch_of_many_substeps_leaves_the_bits": ["everything-float32", "mesh-float32"]},
     "physics/fused/test_stiff_few.py": {
         "test_a_mesh_of_like_triangles_and_other_solvers_keep_their_masses": ["settings0"]},
     "physics/joints/test_beside.py": {
@@ -155,7 +162,7 @@ PHYSICS = {
             "4000.0-20.0-float32", "40000.0-100.0-float64", "40000.0-100.0-float32", "1000.0-500.0-float64",
             "0.0-50.0-float32", "100000.0-10.0-float64", "100000.0-10.0-float32"]},
     "physics/joints/test_pivots.py": {
-        "test_one_sweep_is_where_sweeps_of_single_rows_end": ["3-0", "6-6", "2-6"]},
+        "test_one_sweep_is_where_sweeps_of_single_rows_end": []},
     "physics/joints/test_sleep.py": {
         "test_a_damped_chain_sleeps_hanging_straight_and_a_thrown_ball_wakes_all_of_it_and_no_other": ["coloured"],
         "test_a_driven_hinge_is_awake_while_its_target_moves_and_sleeps_behind_it": ["coloured"],
@@ -256,10 +263,13 @@ PHYSICS = {
         "test_a_run_goes_on_from_its_file_to_the_bit": [],
         "test_results_are_the_same_from_run_to_run_and_in_worlds": []},
     "physics/rods/test_body_edges.py": {
-        "test_a_box_that_falls_between_points_is_caught": ["edge-touching", "corner-alone", "corner-touching"]},
+        "test_a_box_that_falls_between_points_is_caught": ["edge-touching", "corner-alone", "corner-touching"],
+        "test_a_mesh_is_caught_as_the_box_that_it_is": []},
     "physics/rods/test_deforming.py": {
         "test_points_with_keys_carry_strands_as_a_prim_that_moves": ["False-False"],
         "test_a_mesh_that_bulges_lifts_what_lies_on_it": ["True"]},
+    "physics/rods/test_edges.py": {
+        "test_a_world_of_ropes_that_touch_steps_by_backward_euler_where_an_edge_meets_a_collider": []},
     "physics/rods/test_nets.py": {
         "test_every_substep_of_a_net_under_bodies_is_solved": ["5-0.03-0.0", "4-0.1-0.5"]},
     "physics/selfcontact/test_colliders.py": {
@@ -371,5 +381,5 @@ PHYSICS = {
     "physics/test_host_report.py": {
         "test_a_first_frame_and_its_report_compile_one_module_and_each_kernel_once": [],
         "test_a_first_frame_compiles_one_module_though_half_of_its_stretches_launch_nothing": [],
-        "test_depths_on_the_host_are_those_of_kernels": ["cylinder", "capsule", "sphere"]},
+        "test_depths_on_the_host_are_those_of_kernels": ["cylinder", "capsule", "sphere", "cone"]},
 }
