@@ -110,7 +110,12 @@ class Mesh:
         mesh, track = self.device["mesh"], self.device["track"]
         of.launch(of.pose_kernel, track.shape[1], [loop.rows(track, 2), 0] if loop else [track, k],
                   [mesh.points, mesh.velocities])
-        if of.refit_kernel is None:
+        if loop and of.refit_kernel is None:
+            from wsim.kernels.math import mesh_refit
+            threads = len(self.triangles)
+            for kernel in (mesh_refit.bound(), mesh_refit.fit()):
+                of.launch(kernel, threads, [mesh.id, threads], [])
+        elif of.refit_kernel is None:
             mesh.refit()
         else:
             function = ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value

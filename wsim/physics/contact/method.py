@@ -115,11 +115,12 @@ class Contact(Method):
             self.stages += self.bounce.stages
 
     def short(self, explicit: bool, edged: bool) -> None:
-        """Parts that explicit steps have, which are many and short, and contacts of edges. A loop on a GPU cannot fit the tree
-        of a mesh: Warp takes memory for that."""
-        c = self.contacts
-        fits = c.tree is not None or self.model.device.is_cuda and any(m.moves for m in c.meshes.values())
-        self.alike = self.movers is None and not edged and not fits
+        """Parts that explicit steps have, which are many and short, and contacts of edges."""
+        self.alike = self.movers is None and not edged and self.contacts.tree is None
+        if self.alike and not explicit and self.model.device.is_cuda and any(m.moves for m in self.contacts.meshes.values()):
+            from wsim.kernels.math import mesh_refit
+            self.model.modules[mesh_refit.MODULE] = self.model.block
+            mesh_refit.bound(), mesh_refit.fit()
         if self.movers is None:
             self.contacts.smooth(self.model.scene, explicit)
         if explicit and self.contacts.meshes and not self.model.gradients:

@@ -1,0 +1,109 @@
+"""The tree of a deforming mesh, fitted in launches that the body of a loop on a GPU can hold.
+
+Warp's own refit takes memory for a sum of edge lengths, which such a body cannot. It stands before the loop and behind it, and
+keeps that sum; here boxes and solid angles alone become those of the points (as native/mesh.cu of Warp 1.19: Karras 2012,
+section 4, bottom up: the second of two children to arrive goes on to their parent).
+"""
+
+from functools import cache
+
+import warp as wp
+
+MODULE = "wsim_mesh_refit"
+
+
+@wp.func_native("""
+    wp::Mesh* m = (wp::Mesh*)mesh;
+    const wp::vec3* x = m->points.data;
+    const int* c = m->indices.data;
+    for (int i = thread; i < m->num_tris; i += threads) {
+        m->lowers[i] = wp::min(wp::min(x[c[3 * i]], x[c[3 * i + 1]]), x[c[3 * i + 2]]);
+        m->uppers[i] = wp::max(wp::max(x[c[3 * i]], x[c[3 * i + 1]]), x[c[3 * i + 2]]);
+    }
+    for (int i = thread; i < m->bvh.max_nodes; i += threads)
+        m->bvh.node_counts[i] = 0;
+""")
+def bound_triangles(mesh: wp.uint64, thread: int, threads: int): ...
+
+
+@wp.func_native("""
+    wp::Mesh* m = (wp::Mesh*)mesh;
+    wp::BVH& tree = m->bvh;
+    const wp::vec3* x = m->points.data;
+    const int* c = m->indices.data;
+    wp::SolidAngleProps* angles = m->solid_angle_props;
+
+    auto fill_leaf = [&](int node) {
+        wp::BVHPackedNodeHalf& low = tree.node_lowers[node];
+        wp::BVHPackedNodeHalf& high = tree.node_uppers[node];
+        wp::bounds3 box;
+        wp::SolidAngleProps whole;
+        for (int k = low.i; k < (int)high.i; k++) {
+            const int t = tree.primitive_indices[k];
+            box.add_bounds(m->lowers[t], m->uppers[t]);
+            if (angles) {
+                wp::SolidAngleProps own;
+                wp::precompute_triangle_solid_angle_props(x[c[3 * t]], x[c[3 * t + 1]], x[c[3 * t + 2]], own);
+                whole = k == (int)low.i ? own : wp::combine_precomputed_solid_angle_props(&whole, &own);
+            }
+        }
+        low.x = box.lower[0]; low.y = box.lower[1]; low.z = box.lower[2];
+        high.x = box.upper[0]; high.y = box.upper[1]; high.z = box.upper[2];
+        if (angles)
+            angles[node] = whole;
+    };
+    auto fill_parent = [&](int node) {
+        wp::BVHPackedNodeHalf& low = tree.node_lowers[node];
+        wp::BVHPackedNodeHalf& high = tree.node_uppers[node];
+        const int a = low.i, b = high.i;
+        const wp::BVHPackedNodeHalf la = tree.node_lowers[a], lb = tree.node_lowers[b];
+        const wp::BVHPackedNodeHalf ha = tree.node_uppers[a], hb = tree.node_uppers[b];
+        low.x = wp::min(la.x, lb.x); low.y = wp::min(la.y, lb.y); low.z = wp::min(la.z, lb.z);
+        high.x = wp::max(ha.x, hb.x); high.y = wp::max(ha.y, hb.y); high.z = wp::max(ha.z, hb.z);
+        if (angles)
+            wp::combine_precomputed_solid_angle_props(angles[node], &angles[a], a != b ? &angles[b] : nullptr);
+    };
+
+    for (int leaf = thread; leaf < tree.num_leaf_nodes; leaf += threads) {
+        int node = leaf;
+        if (!tree.node_lowers[node].b)
+            continue;
+        int parent = tree.node_parents[node];
+        if (parent == -1 || !tree.node_lowers[parent].b)
+            fill_leaf(node);
+        while (parent != -1) {
+            __threadfence();
+            if (atomicAdd(&tree.node_counts[parent], 1) != 1)
+                break;
+            __threadfence();
+            const int above = tree.node_parents[parent];
+            if (!tree.node_lowers[parent].b)
+                fill_parent(parent);
+            else if (above == -1 || !tree.node_lowers[above].b)
+                fill_leaf(parent);
+            node = parent;
+            parent = above;
+        }
+    }
+""")
+def fit_nodes(mesh: wp.uint64, thread: int, threads: int): ...
+
+
+@cache
+def bound():
+    """Kernel: boxes of the triangles of a mesh; nothing has arrived at nodes of its tree."""
+    @wp.kernel(module=MODULE, enable_backward=False)
+    def bound_mesh(mesh: wp.uint64, threads: int):
+        bound_triangles(mesh, wp.tid(), threads)
+
+    return bound_mesh
+
+
+@cache
+def fit():
+    """Kernel: boxes and solid angles of the nodes of the tree, behind `bound`."""
+    @wp.kernel(module=MODULE, enable_backward=False)
+    def fit_mesh(mesh: wp.uint64, threads: int):
+        fit_nodes(mesh, wp.tid(), threads)
+
+    return fit_mesh
