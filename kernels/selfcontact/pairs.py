@@ -154,23 +154,36 @@ def fixed(real):
 
 
 @cache
+def adding(real):
+    """Function (d, done, i, to) -> d of point i as pairs have moved it; their sums are zero again. done 1: weights are, too."""
+    t = types(real)
+    Sums = sums(real)
+
+    @wp.func
+    def add(d: t.vec3, done: int, i: int, to: Sums):
+        scale = real(1.0 / SCALE)
+        move = t.vec3(real(to.move[3 * i]), real(to.move[3 * i + 1]), real(to.move[3 * i + 2]))
+        to.move[3 * i] = wp.int64(0)
+        to.move[3 * i + 1] = wp.int64(0)
+        to.move[3 * i + 2] = wp.int64(0)
+        if done > 0:
+            to.share[i] = 0
+        return d + scale * move
+
+    return add
+
+
+@cache
 def settle_sums(real, module):
     """Kernel: points go as pairs have summed up; the sums are zero again. done 1: weights are, too; else the next sweep is of
     the same pairs."""
     t = types(real)
-    Sums = sums(real)
+    Sums, add = sums(real), adding(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def add_sums(point: wp.array(dtype=int), d: wp.array(dtype=t.vec3), done: int, to: Sums, d_out: wp.array(dtype=t.vec3)):
         i = point[wp.tid()]
         if to.share[i] > 0:
-            scale = real(1.0 / SCALE)
-            move = t.vec3(real(to.move[3 * i]), real(to.move[3 * i + 1]), real(to.move[3 * i + 2]))
-            d_out[i] = d[i] + scale * move
-            to.move[3 * i] = wp.int64(0)
-            to.move[3 * i + 1] = wp.int64(0)
-            to.move[3 * i + 2] = wp.int64(0)
-            if done > 0:
-                to.share[i] = 0
+            d_out[i] = add(d[i], done, i, to)
 
     return add_sums

@@ -19,7 +19,7 @@ Q has no moment where the substep ends (kernels/selfcontact/couple.py). P has no
 
 which is x but for what forces have changed in h / 2. So a couple gives back sum_k y_k x P_k.
 
-Pushes that Newton steps have solved for (kernels/selfcontact/newton_rows.py) act all through the step, as other forces do: v~
+Pushes that Newton steps have solved for (kernels/selfcontact/newton) act all through the step, as other forces do: v~
 has 2 P / h of them, which is right at rest, and they count about the middle, y - x = d~ - e by the same sum.
 """
 

@@ -44,9 +44,8 @@ CALM = 1e-4            # if it slips and errs by less than this over the substep
 
 
 @cache
-def lean(real, module):
-    """Kernel: which of the pairs within reach take part in the sweeps to come; their weights are summed up by point. all 0:
-    those that err by less than SMALL and `calm` do not. Each of `threads` takes every threads-th pair."""
+def asking(real):
+    """Function (at, climb, calm, all, j, near, to): lists row j among those that take part in sweeps to come, if it does."""
     t = types(real)
     Pairs, State, Sums = pairs.lists(real), states(real), pairs.sums(real)
 
@@ -76,6 +75,16 @@ def lean(real, module):
             for k in range(4):
                 share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
                 wp.atomic_add(to.share, ids[k], wp.max(share, 1))         # couples move all four
+
+    return ask
+
+
+@cache
+def lean(real, module):
+    """Kernel: which of the pairs within reach take part in the sweeps to come; their weights are summed up by point. all 0:
+    those that err by less than SMALL and `calm` do not. Each of `threads` takes every threads-th pair."""
+    Pairs, State, Sums, ask = pairs.lists(real), states(real), pairs.sums(real), asking(real)
+
     @wp.kernel(module=module, enable_backward=False)
     def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near_at: wp.array(dtype=Pairs), to: Sums):
         near = near_at[0]
@@ -101,13 +110,12 @@ def leads(real):
 
 
 @cache
-def press(real, module, turns=False):
-    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'. more: number of a
-    sweep in its block of those that lead ahead; -1: it does not; SPARED: nor is it taken in turn. threads: as `lean`. turns:
-    some are in turn."""
+def pressing(real):
+    """Function (s, at, climb, turn, lead, j, near, to): row j pushes; how far its points come by that, less what is calm [m].
+    turn: at once, in turn. lead: see `leads`."""
     t = types(real)
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
-    fixed, lead_of, (arms, lever, torque) = pairs.fixed(real), leads(real), couple(real)
+    fixed, (arms, lever, torque) = pairs.fixed(real), couple(real)
     points = wp.types.matrix((4, 3), real)
 
     @wp.func
@@ -188,6 +196,17 @@ def press(real, module, turns=False):
         for k in range(4):
             give(turn, at, ids[k], s.w[ids[k]] * (b[k] * (then - push) - wp.cross(back, r[k])), to)
         return W * wp.length(then - push) - wp.min(real(SMALL) * pushed[3], real(CALM / RECOVERY) * climb)
+
+    return one
+
+
+@cache
+def press(real, module, turns=False):
+    """Kernel: one sweep of the pairs that take part. friction: static, dynamic, the mean of the four points'. more: number of a
+    sweep in its block of those that lead ahead; -1: it does not; SPARED: nor is it taken in turn. threads: as `lean`. turns:
+    some are in turn."""
+    Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
+    one, lead_of = pressing(real), leads(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def press_pairs(s: Surfaces, at: State, climb: real, more: int, threads: int, near_at: wp.array(dtype=Pairs),

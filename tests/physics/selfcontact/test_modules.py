@@ -1,11 +1,14 @@
 """Kernels of search, proof and sweeps are compiled once for all scenes whose surfaces touch."""
 
+import numpy as np
 import pytest
 import warp as wp
 
 from tests.physics.rods.test_touch import thrown
-from tests.physics.selfcontact.rig import SOLVERS, layers
+from tests.physics.selfcontact.rig import SOLVERS, crumple, layers, said
 from wsim.physics.selfcontact import modules as shared
+from wsim.physics.selfcontact.rows import sweeps
+from wsim.scene import Box, Motion
 from wsim.simulation.simulation import Simulation
 
 CORE = len(shared.CORE) + len(shared.CORE_WORDS) + 1                    # search.meet
@@ -64,3 +67,19 @@ def test_kernels_of_the_core_have_no_adjoint():
     sim = simulated("newton")
     for name in sim.model.modules:
         assert not any(k.options["enable_backward"] for k in wp.get_module(name).kernels.values())
+
+
+@pytest.mark.parametrize("name", ["leapfrog", pytest.param("xpbd", marks=pytest.mark.slow)])
+def test_sweeps_in_one_launch_have_the_bits_of_many(name, monkeypatch):
+    """A sheet that is thrown about and meets a box: pairs in turn, pairs that all push at once, and contacts among them."""
+    def places(on: bool) -> np.ndarray:
+        monkeypatch.setattr(sweeps, "TOGETHER", on)
+        scene = crumple(0, 10, **SOLVERS[name])
+        scene.collider("/box", Box((0.2, 0.05, 0.2)), motion=Motion.at_place((0.0, -0.1, 0.0)), static_friction=0.5)
+        sim = Simulation(scene, device="cpu")
+        sim.run(2)
+        method = sim.plan.method("selfcontact")
+        assert method.sweeper.fits() == on and said(sim)["near_pairs"] > 0
+        assert sim.plan.method("contact").contacts.slots.count.numpy().any()
+        return sim.state.x.numpy()
+    assert np.array_equal(places(True), places(False))

@@ -161,7 +161,7 @@ class Contact(Method):
 
     def project(self, clock: Clock, beside: bool = False) -> None:
         """Contacts at the end of an iteration. beside: in turn with contacts of surfaces, which push points too."""
-        g = clock.h if self.prolonged and self.prolonged.ended else clock.g
+        g = self.step(clock)
         if self.movers:
             self.movers.project(clock, beside)
         elif self.within and not self.contacts.recorded:
@@ -171,6 +171,10 @@ class Contact(Method):
             if self.contacts.edges and not clock.integrator.explicit:
                 self.contacts.edges.renew(self.contacts.read(x=self.state.x, d=self.state.d, k=clock.k))
             self.contacts.project(g, self.state.d, self.anchor)
+
+    def step(self, clock: Clock) -> float:
+        """Effective step of contacts, v = (d - a) / step [s]."""
+        return clock.h if self.prolonged and self.prolonged.ended else clock.g
 
     def settle(self, clock: Clock) -> None:
         s = self.state

@@ -3,7 +3,7 @@ that no substep ends with an intersection that it did not begin with.
 
 XPBD takes SWEEPS of the contact rows in each of its iterations; behind explicit steps they come as impulses, BEHIND of them,
 and more while a pair would end at less than half of its distance: what is light between what is heavy
-takes hundreds. Newton's method solves for them (wsim/physics/selfcontact/newton_rows.py): sweeps move points by their masses
+takes hundreds. Newton's method solves for them (rows/newton_rows.py): sweeps move points by their masses
 alone, and the stretch of that gained energy; they come behind it for what strands push, and for pairs that are left
 too near. By leapfrog only where there are neither colliders nor strands: what is read behind
 half a kick is given half of what pairs push, which has no bound where a collider pushes against them. The guarantee is the same
@@ -28,6 +28,7 @@ from wsim.physics.selfcontact.apart import Apart
 from wsim.physics.selfcontact.guarantee import LOSS, Guarantee, frame_warnings
 from wsim.physics.selfcontact.modules import sweeps
 from wsim.physics.selfcontact.near import Near
+from wsim.physics.selfcontact.rows.sweeps import Sweeps
 from wsim.physics.selfcontact.settle import Settle
 from wsim.physics.selfcontact.start import reports
 from wsim.physics.selfcontact.surfaces import Surfaces
@@ -56,7 +57,7 @@ class SelfContact(Method):
         self.points = b.methods.find("points")
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
         self.bounce: Any = None          # what they throw back with, `wsim.physics.contact.restitution.Bounce`
-        self.solved: Any = None          # `wsim.physics.selfcontact.newton_rows.NewtonRows`, where Newton steps solve for rows
+        self.solved: Any = None          # `wsim.physics.selfcontact.rows.newton_rows.NewtonRows`, where Newton solves for rows
         self.start: Any = None           # e where substeps begin, if bodies change it for a memory
         self.prolonged = getattr(b.methods.find("contact"), "prolonged", None)
         b.status.reserve(SAID, cut.SAID)
@@ -75,8 +76,8 @@ class SelfContact(Method):
         self.often, self.fresh, self.stopped = False, True, False
         self.sweeps = SWEEPS if within else BEHIND
         real, module = b.model.real, sweeps(b.model, turns)
-        self.lean, self.press = rows.lean(real, module), rows.press(real, module, turns)
         self.nearer, self.further = rows.nearer(real, module), rows.further(module)
+        self.sweeper = Sweeps(self, turns)
         what = f"{len(self.surfaces.triangles)} triangles, {len(self.surfaces.edges)} edges; where a point leaves its tube"
         if self.obstacles:
             what += f"; {len(self.obstacles.triangles)} triangles are colliders'"
@@ -111,10 +112,11 @@ class SelfContact(Method):
 
     def meet(self, others: Methods) -> None:
         self.contact, self.bounce = others.find("contact"), others.find("bounce")
+        self.sweeper.meet()
         self.start = self.contact.movers.starts() if self.contact and self.contact.movers else None
         self.settle.meet(others)
         if (terms := others.find("terms")) is not None:
-            from wsim.physics.selfcontact.newton_rows import NewtonRows
+            from wsim.physics.selfcontact.rows.newton_rows import NewtonRows
             self.solved = NewtonRows(self, others.find("assembly"))
             terms.insert(0, self.solved)                 # before colliders bear what rows push
 
@@ -187,24 +189,8 @@ class SelfContact(Method):
     def sweep(self, clock: Clock, count: int, leads: bool = False) -> None:
         """Sweeps over the pairs that push, each before one of the contacts of points with colliders, which what is pushed rests
         on."""
-        near, data, at, climb, calm = self.near, self.surfaces.data, self.at(), rows.RECOVERY * clock.h, rows.CALM * clock.h
         self.borrow()
-        threads, listed = near.threads, near.table
-        anew = 1 if leads or not self.within else ANEW
-        for k in range(count):
-            last = int(k == count - 1)
-            if k % anew == 0 or last:
-                near.pairs.active.zero_()
-                self.model.launch(self.lean, threads, [at, climb, calm, last, threads, listed], [near.sums])
-            again = int(last or k == count - 2 or k % anew == anew - 1)
-            more = k if leads else rows.SPARED if count == SWEEPS and k == 1 else -1
-            inputs = [data, at, climb, more, threads, listed, near.words]
-            self.model.launch(self.press, threads, inputs, [near.sums])
-            self.model.launch(self.guarantee.add, len(self.surfaces.points), [data.point, at.d, again, near.sums], [at.d])
-            if self.contact:
-                self.give()
-                self.contact.project(clock, beside=True)
-                self.borrow()
+        self.sweeper.sweep(clock, count, leads, 1 if leads or not self.within else ANEW, 1 if count == SWEEPS else -1)
         self.give()
 
     def keep(self, clock: Clock) -> None:

@@ -99,7 +99,7 @@ class System:
     """A y = f over the points of all bodies, each body a system of its own, or each world (`Model.starts`). joined: what makes
     one of all bodies of a world where their surfaces are near each other."""
 
-    joined: Any = None                   # `wsim.physics.selfcontact.newton_rows.NewtonRows`
+    joined: Any = None                   # `wsim.physics.selfcontact.rows.newton_rows.NewtonRows`
 
     def __init__(self, model: Model, w: wp.array, springs: np.ndarray, hinges: np.ndarray, elements: list[np.ndarray],
                  coarse: Sequence[Body] = (), spans: Any = None, schwarz: bool = False):

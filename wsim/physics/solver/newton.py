@@ -8,7 +8,7 @@ ends below what standing still costs, and backward Euler cannot gain energy, how
 of its own with its own steps: worlds do not see each other.
 
 Contacts and soft pins enter the system (`wsim.physics.contact.newton.active_set`, kernels/solver/pins/soft_pin.py), and so do
-contacts of surfaces, which make one system of a world where surfaces are near (`wsim.physics.selfcontact.newton_rows`);
+contacts of surfaces, which make one system of a world where surfaces are near (`wsim.physics.selfcontact.rows.newton_rows`);
 tethers and strain limits are projected behind the last step, as many sweeps as there were steps, contacts behind each (so do
 recordings of gradients, `wsim.physics.solver.newton_adjoint`). Substeps of the implicit midpoint take further steps until
 their residual is met (`wsim.physics.solver.further`).

@@ -1,0 +1,94 @@
+"""Sweeps over contact rows of surfaces, in turn with contacts of points with colliders. On a GPU, where these are by points
+alone, all sweeps of a call are one launch; else each part of a sweep is a launch."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import wsim.kernels.selfcontact.sweep as kernels
+from wsim.kernels.math.real import types
+from wsim.kernels.selfcontact import rows
+from wsim.model.structs import filled
+from wsim.physics.selfcontact.modules import sweeps
+
+if TYPE_CHECKING:
+    from wsim.model.stage import Clock
+    from wsim.physics.selfcontact.method import SelfContact
+
+TOGETHER: bool | None = None     # one launch; None: on a GPU
+EACH = 8                         # threads a point, at most as many as run at once: pairs are several a point
+
+
+class Sweeps:
+    """turns: as `rows.press`."""
+
+    def __init__(self, method: SelfContact, turns: bool):
+        import warp as wp
+        real, module = method.model.real, sweeps(method.model, turns)
+        self.lean, self.press = rows.lean(real, module), rows.press(real, module, turns)
+        self.method, self.model, self.turns = method, method.model, turns
+        device = self.model.device
+        self.on = not self.model.gradients and (device.is_cuda if TOGETHER is None else TOGETHER)       # wanted
+        self.block = kernels.BLOCK if device.is_cuda else 1
+        most = device.sm_count if device.is_cuda else 1
+        self.blocks = min(max(1, EACH * method.surfaces.total // self.block), most)
+        self.word = wp.zeros(1, dtype=int, device=device)
+        self.kernel: Any = None
+
+    def fits(self) -> bool:
+        """True if a call of sweeps is one launch: contacts are by points alone, and not a Newton step's own."""
+        c = self.method.contact
+        return self.on and (c is None or c.movers is None and not c.within and c.contacts.edges is None)
+
+    def meet(self) -> None:
+        """Makes the kernel, once colliders are known."""
+        contact = self.method.contact
+        if self.fits():
+            real, touches = self.model.real, contact is not None
+            words = ["wsim_selfcontact_sweep", types(real).name, *["touches"] * touches, *["turns"] * self.turns, self.block]
+            name = "_".join(map(str, words))
+            self.model.modules[name] = self.block
+            self.kernel = kernels.sweep(real, self.block, touches, self.turns, name)
+
+    def sweep(self, clock: Clock, count: int, leads: bool, anew: int, spared: int) -> None:
+        """Launches so many sweeps. anew: of them, behind which it is asked anew what takes part; spared: number of the one that
+        is left out where pairs are taken in turn."""
+        if self.fits():
+            self._launch(clock, count, leads, anew, spared)
+        else:
+            self._parts(clock, count, leads, anew, spared)
+
+    def _parts(self, clock: Clock, count: int, leads: bool, anew: int, spared: int) -> None:
+        """A launch for each part of a sweep."""
+        method, near, launch = self.method, self.method.near, self.model.launch
+        data, at, climb, calm = method.surfaces.data, method.at(), rows.RECOVERY * clock.h, rows.CALM * clock.h
+        threads, listed = near.threads, near.table
+        for k in range(count):
+            last = int(k == count - 1)
+            if k % anew == 0 or last:
+                near.pairs.active.zero_()
+                launch(self.lean, threads, [at, climb, calm, last, threads, listed], [near.sums])
+            again = int(last or k == count - 2 or k % anew == anew - 1)
+            more = k if leads else rows.SPARED if k == spared else -1
+            launch(self.press, threads, [data, at, climb, more, threads, listed, near.words], [near.sums])
+            launch(method.guarantee.add, len(method.surfaces.points), [data.point, at.d, again, near.sums], [at.d])
+            if method.contact:
+                method.give()
+                method.contact.project(clock, beside=True)
+                method.borrow()
+
+    def _launch(self, clock: Clock, count: int, leads: bool, anew: int, spared: int) -> None:
+        """One launch."""
+        method, near, contact = self.method, self.method.near, self.method.contact
+        How, Touched = kernels.orders(self.model.real)
+        touch = Touched()
+        at, free = method.at(), 0
+        if contact:
+            c, free = contact.contacts, contact.contacts.count
+            touch = filled(Touched, rows=c.table, points=c.points, slots=c.slots, push=c.push)
+        how = filled(How, climb=rows.RECOVERY * clock.h, calm=rows.CALM * clock.h, count=count, anew=anew, leads=int(leads),
+                     spared=spared, points=len(at.d), free=free, threads=self.blocks * self.block, word=self.word,
+                     g=contact.step(clock) if contact else clock.g)
+        self.word.zero_()
+        self.model.launch_blocks(self.kernel, self.blocks, self.block, [method.surfaces.data, at, how, touch, near.table,
+                                                                        near.words], [near.sums])
