@@ -42,8 +42,9 @@ def convex_kinds(kinds: tuple[str, ...]) -> tuple[str, ...]:
 
 @cache
 def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
-    """first_hit(kind, size, mesh, p, q, skin) -> (s, n); between(kind, size, mesh, p, q) -> whether a shape is in the way from
-    p to q; thickness does not count. kinds: of shapes, "solid" and "sheet" of meshes."""
+    """first_hit(kind, size, mesh, p, q, skin) -> (s, n); between(kind, size, mesh, p, q, slack) -> whether a shape is in
+    the way from p to q, by more than slack [m] (below 0: or nearly, at both ends). Thickness does not count. kinds: of shapes,
+    "solid" and "sheet" of meshes."""
     t = types(real)
     apart = distance(convex_kinds(kinds))
     has_convex = convex_kinds(kinds)[0] in kinds
@@ -142,18 +143,19 @@ def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return s, n
 
     @wp.func(inline=False)
-    def between(kind: int, size: t.vec3, mesh: wp.uint64, p: t.vec3, q: t.vec3):
+    def between(kind: int, size: t.vec3, mesh: wp.uint64, p: t.vec3, q: t.vec3, slack: real):
         found = bool(False)
         if wp.static(has_mesh):
             if kind >= SOLID:
-                way = wp.vec3f(q - p)
-                found = wp.mesh_query_ray_anyhit(mesh, wp.vec3f(p), way, float(1.0))
+                along = slack * wp.normalize(q - p)
+                start = p + wp.min(slack, real(0.0)) * wp.normalize(q - p)
+                found = wp.mesh_query_ray_anyhit(mesh, wp.vec3f(start), wp.vec3f(q - along - start), float(1.0))
         if wp.static(has_convex):
             if kind < SOLID:
                 phi, n = apart(kind, size, p)
-                found = phi < real(0.0)
-                if not found:
-                    s, m = convex_hit(kind, size, p, q, real(0.0), real(0.0))
+                found = phi < -slack
+                if not found and phi + wp.dot(n, q - p) < -slack:      # else the plane at p has q on its side
+                    s, m = convex_hit(kind, size, p, q, -slack, real(0.0))
                     found = s < real(1.0)
         return found
 

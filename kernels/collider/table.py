@@ -6,7 +6,7 @@
     rate(c, k, y, t)                  velocity of the collider at a place [m/s]
     first_hit(c, k, a, ta, b, tb, skin)  (part of the way from a at ta to b at tb that a point may go, normal of what it meets,
                                       towards its side); kernels/collider/segment.py
-    between(c, k, a, ta, b, tb)       whether the collider stands between two places, each at its time
+    between(c, k, a, ta, b, tb, slack)  whether the collider stands between two places, each at its time, by more than slack [m]
     local(c, k, y, t), world(c, k, q, t)  into the frame of its shape as the frame began, and back
 
 Where a collider is that begins a frame at (p, R), with the velocity V and the spin W through it:
@@ -193,8 +193,8 @@ def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return s, wp.quat_rotate(turned(c, k, ta + s * (tb - ta)), n)
 
     @wp.func
-    def between(c: C, k: int, a: t.vec3, ta: real, b: t.vec3, tb: real):
-        return shape.between(c.kind[k], c.size[k], c.mesh[k], local(c, k, a, ta), local(c, k, b, tb))
+    def between(c: C, k: int, a: t.vec3, ta: real, b: t.vec3, tb: real, slack: real):
+        return shape.between(c.kind[k], c.size[k], c.mesh[k], local(c, k, a, ta), local(c, k, b, tb), slack)
 
     return SimpleNamespace(shifted=shifted, turned=turned, center=center, local=local, world=world, signed=signed, rate=rate,
                            closest=closest, first_hit=first_hit, between=between)

@@ -26,7 +26,8 @@ from wsim.kernels.particles.transfers import stencils
 
 FAR = 4.0                # cells: distances are told up to there
 REACH = 2.7              # cells from the centre of a particle's cell to the furthest row about it
-RAY = 1.75               # cells, sqrt(3): a plane that is nearer than 1 is met along an axis
+RAY = 1.75               # cells, sqrt(3): a plane nearer than 1 is met along an axis; no row is further from a particle
+SLACK = 1.0e-3           # of a cell: what is so near to a wall stands on it
 SAME = 0.7               # cosine between normals from which on they are of one wall
 LEAST = 0.1              # of a hat, as in fill.py
 
@@ -55,15 +56,15 @@ def clearance(dim: int, kinds: tuple[str, ...], real, module):
 
 @cache
 def hidden(dim: int, kinds: tuple[str, ...], real):
-    """Function (shapes, a, ta, b, tb) -> whether a thin wall stands between places a and b [cells], at their times."""
+    """Function (shapes, a, b, time) -> whether a thin wall stands between places a and b [cells], or touches one."""
     t, S, s = types(real), moved.structs(real), moved.functions(dim, kinds, real)
 
     @wp.func(inline=False)
-    def hidden(shapes: S.Shapes, a: t.vec3, ta: real, b: t.vec3, tb: real):
+    def hidden(shapes: S.Shapes, a: t.vec3, b: t.vec3, time: real):
         found = bool(False)
         for k in range(shapes.of.kind.shape[0]):
             if shapes.thin[k] != 0 and not found:
-                found = s.between(shapes.of, k, s.spot(shapes, a), ta, s.spot(shapes, b), tb)
+                found = s.between(shapes.of, k, s.spot(shapes, a), time, s.spot(shapes, b), time, -real(SLACK) * shapes.dx)
         return found
 
     return hidden
@@ -88,12 +89,12 @@ def shut(dim: int, kinds: tuple[str, ...], real, module):
             half = t.vec3()
             half[axis] = real(0.5)
             if i[axis] > 0 and i[axis] < g.n[axis] or g.periodic[axis] != 0:
-                if behind(shapes, at - half, time, at + half, time):
+                if behind(shapes, at - half, at + half, time):
                     open_out[c] = real(0.0)
             for b in range(wp.static(dim)):
                 next = at
                 next[b] = at[b] + real(1.0)
-                if behind(shapes, at, time, next, time):
+                if behind(shapes, at, next, time):
                     bits = bits | (1 << b)
         cut_out[c] = bits
 
@@ -164,7 +165,28 @@ def share(dim: int, kinds: tuple[str, ...], real, module):
 def see(dim: int, kinds: tuple[str, ...], real, module):
     """Kernel over rows: seen_out of each particle."""
     t, G, S, T = types(real), structs(real), moved.structs(real), tables(real)
-    f, r, cell, behind = functions(dim, real), stencils(dim, real), where(dim, real), hidden(dim, kinds, real)
+    f, r, cell, s = functions(dim, real), stencils(dim, real), where(dim, real), moved.functions(dim, kinds, real)
+
+    @wp.func
+    def hides(g: G.Grid, shapes: S.Shapes, k: int, x: t.vec3, start: real, end: real):
+        """Bits of the rows about x [m] that wall k hides; a row on its surface is seen."""
+        bits = int(0)
+        y = s.spot(shapes, x / g.dx)
+        phi, n, p = s.closest(shapes.of, k, y, start)
+        slack = real(SLACK) * g.dx
+        if phi < real(RAY) * g.dx + (end - start) * wp.length(s.rate(shapes, k, y, start)):
+            corners = int(wp.static(2 ** dim))
+            sets = int(wp.static(dim))                         # variables: the loops are compiled once
+            for e in range(-1, sets):
+                at = r.rows(g, e, x)
+                base = t.vec3(wp.floor(at[0]), wp.floor(at[1]), real(0.0))
+                if wp.static(dim == 3):
+                    base[2] = wp.floor(at[2])
+                for m in range(corners):
+                    row = base + t.vec3(real(m % 2), real((m // 2) % 2), real(m // 4)) + f.offset(e)
+                    if s.between(shapes.of, k, y, start, s.spot(shapes, row), end, slack):
+                        bits = bits | (1 << ((e + 1) * corners + m))
+        return bits
 
     def see(g: G.Grid, shapes: S.Shapes, clock: wp.array(dtype=real), clear: wp.array(dtype=t.vec2), particles: T.Particles,
             seen_out: wp.array(dtype=int)):
@@ -174,17 +196,9 @@ def see(dim: int, kinds: tuple[str, ...], real, module):
             x = particles.x[p]
             near = clear[flat(cell(g, x), g.n)]
             if near[1] < real(REACH) * g.dx:
-                corners = int(wp.static(2 ** dim))
-                sets = int(wp.static(dim))                     # a variable: the loop is compiled once
-                for e in range(-1, sets):
-                    at = r.rows(g, e, x)
-                    base = t.vec3(wp.floor(at[0]), wp.floor(at[1]), real(0.0))
-                    if wp.static(dim == 3):
-                        base[2] = wp.floor(at[2])
-                    for m in range(corners):
-                        row = base + t.vec3(real(m % 2), real((m // 2) % 2), real(m // 4)) + f.offset(e)
-                        if behind(shapes, x / g.dx, clock[1], row, clock[0] + clock[1]):
-                            bits = bits & ~(1 << ((e + 1) * corners + m))
+                for k in range(shapes.of.kind.shape[0]):
+                    if shapes.thin[k] != 0:
+                        bits = bits & ~hides(g, shapes, k, x, clock[1], clock[0] + clock[1])
         seen_out[p] = bits
 
     return wp.kernel(see, name=f"walls_see_{dim}d_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)

@@ -27,7 +27,7 @@ def hits(kind: str, size, mesh: int, p: np.ndarray, q: np.ndarray, skin: float, 
         s, n = ask.first_hit(code, size, mesh, p[i], q[i], skin)
         s_out[i] = s
         n_out[i] = n
-        found_out[i] = int(ask.between(code, size, mesh, p[i], q[i]))
+        found_out[i] = int(ask.between(code, size, mesh, p[i], q[i], real(0.0)))
 
     kernel = wp.kernel(meet, name=f"meet_{kind}_{t.name}", module="unique", enable_backward=False)
     s, n, found = wp.zeros(len(p), real), wp.zeros(len(p), t.vec3), wp.zeros(len(p), int)
