@@ -23,21 +23,27 @@ OWN, NEXT, OTHER, INVERSE, LEFT, RIGHT, LEFT_ROWS, RIGHT_ROWS = range(8)
 MATRICES = 8
 NODES = 256                              # vectors of so many nodes stand in shared memory: 32 KiB
 
-# Entry (r, c) of node J of strand k is ((c * all + J * m + k) * 8 + r): threads of rows read side by side.
+# Entry (r, c) of node J of strand k is c * column + (J * m + k) * 8 + r: threads of rows read side by side.
 _PLACES = """
 #if defined(__CUDA_ARCH__)
     const int lane = threadIdx.x, lanes = blockDim.x;
     #define TEAM_MEETS() __syncthreads()
+    #define RECIPROCAL_ROOT(a) rsqrt(a)
 #else
     const int lane = 0, lanes = 1;
     #define TEAM_MEETS()
+    #define RECIPROCAL_ROOT(a) (1.0 / sqrt(a))
 #endif
-    const int m = points.shape[0], all = nodes.shape[2] / 8;
-    const size_t entries = (size_t)nodes.strides[0] / sizeof(double), column = (size_t)all * 8;
+    const int m = points.shape[0], column = nodes.shape[2];
+    const size_t entries = (size_t)nodes.strides[0] / sizeof(double);
     double* const D = nodes.data;
     double *const inverse = D + 3 * entries, *const left = D + 4 * entries, *const right = D + 5 * entries;
     double *const left_rows = D + 6 * entries, *const right_rows = D + 7 * entries;
     const int* const number = points.data;
+    auto strand_of = [=](int b, int& q) {                        // of b = q * count + strand; most often there is one
+        q = count == 1 ? b : b / count;
+        return first + b - q * count;
+    };
 """
 
 _FACTOR = _PLACES + """
@@ -46,11 +52,12 @@ _FACTOR = _PLACES + """
     for (int s = 1; s < 2 * most; s *= 2) {
         const bool root = s >= most;
         const int odds = root ? 1 : (most - 1 - s) / (2 * s) + 1;
+        #pragma unroll 1
         for (int t = lane; t < odds * count * 8; t += lanes) {
-            const int c = t % 8, b = t / 8, k = first + b % count, o = root ? 0 : (2 * (b / count) + 1) * s;
-            const int has = (number[k] + 1) / 2;
+            int q;
+            const int c = t & 7, k = strand_of(t >> 3, q), o = root ? 0 : (2 * q + 1) * s, has = (number[k] + 1) / 2;
             if (o >= has) continue;
-            const size_t place = (size_t)(o * m + k) * 8;
+            const int place = (o * m + k) * 8;
             double L[8][8], y[8], x[8];
             #pragma unroll
             for (int j = 0; j < 8; ++j)
@@ -61,7 +68,7 @@ _FACTOR = _PLACES + """
                 double d = L[j][j];
                 #pragma unroll
                 for (int n = 0; n < j; ++n) d -= L[j][n] * L[j][n];
-                L[j][j] = d > 0.0 ? 1.0 / sqrt(d) : 0.0;         // 0: a point without mass, held: nothing moves it
+                L[j][j] = d > 0.0 ? RECIPROCAL_ROOT(d) : 0.0;    // 0: a point without mass, held: nothing moves it
                 #pragma unroll
                 for (int i = j + 1; i < 8; ++i) {
                     double a = L[i][j];
@@ -70,8 +77,9 @@ _FACTOR = _PLACES + """
                     L[i][j] = a * L[j][j];
                 }
             }
+            #pragma unroll 1
             for (int which = 0; which < (root ? 1 : 3); ++which) {       // columns of D^-1, A_l, A_r
-                double* const Yl = R + (size_t)((o - s) * m + k) * 8 + c;
+                double* const Yl = R + (root ? 0 : ((o - s) * m + k) * 8 + c);
                 double* const Yr = R + c * column + place;
                 if (which == 2 && o + s >= has) break;
                 #pragma unroll
@@ -102,21 +110,24 @@ _FACTOR = _PLACES + """
         }
         TEAM_MEETS();
         const int evens = root ? 0 : (most - 1) / (2 * s) + 1;
+        #pragma unroll 1
         for (int t = lane; t < evens * count * 8; t += lanes) {
-            const int r = t % 8, b = t / 8, k = first + b % count, J = 2 * (b / count) * s, has = (number[k] + 1) / 2;
+            int q;
+            const int r = t & 7, k = strand_of(t >> 3, q), J = 2 * q * s, has = (number[k] + 1) / 2;
             if (J >= has) continue;
-            const size_t place = (size_t)(J * m + k) * 8;
-            const size_t before = (size_t)((J - s) * m + k) * 8, behind = (size_t)((J + s) * m + k) * 8;
+            const int place = (J * m + k) * 8, before = ((J - s) * m + k) * 8, behind = ((J + s) * m + k) * 8;
             double a[8];
             #pragma unroll
             for (int c = 0; c < 8; ++c) a[c] = D[c * column + place + r];
             if (J + s < has)
+                #pragma unroll 2
                 for (int n = 0; n < 8; ++n) {
                     const double own = R[n * column + place + r];
                     #pragma unroll
                     for (int c = 0; c < 8; ++c) a[c] -= own * R[n * column + place + c];
                 }
             if (J - s >= 0)
+                #pragma unroll 2
                 for (int n = 0; n < 8; ++n) {
                     const double own = R[r * column + before + n];
                     #pragma unroll
@@ -127,6 +138,7 @@ _FACTOR = _PLACES + """
             if (J + 2 * s < has) {
                 #pragma unroll
                 for (int c = 0; c < 8; ++c) a[c] = 0.0;
+                #pragma unroll 2
                 for (int n = 0; n < 8; ++n) {
                     const double own = R[n * column + place + r];
                     #pragma unroll
@@ -140,6 +152,7 @@ _FACTOR = _PLACES + """
         double* const swap = R; R = next; next = swap;
     }
     #undef TEAM_MEETS
+    #undef RECIPROCAL_ROOT
 """
 
 _SOLVE = _PLACES + f"""
@@ -147,68 +160,83 @@ _SOLVE = _PLACES + f"""
     __shared__ double room[2 * 8 * {NODES}];
     const bool small = most * count <= {NODES};
     double* const v = small ? room : work.data;
-    double* const z = small ? room + 8 * {NODES} : work.data + 8 * (size_t)all;
+    double* const z = small ? room + 8 * {NODES} : work.data + column;
     const int wide = small ? count : m, from = small ? first : 0;
 #else
     double* const v = work.data;
-    double* const z = v + 8 * (size_t)all;
+    double* const z = v + column;
     const int wide = m, from = 0;
 #endif
     const double* const given = (const double*)r.data;
     double* const out = (double*)z_out.data;
 """ + """
-    auto vector = [=](int J, int k) { return (size_t)(J * wide + k - from) * 8; };
-    auto entry = [=](int J, int k, int i) { return ((size_t)(2 * J + i / 4) * m + k) * 4 + i % 4; };
-    auto product = [=](const double* A, const double* u, size_t row) {
-        double a = 0.0, b = 0.0;
+    auto vector = [=](int J, int k) { return (J * wide + k - from) * 8; };
+    auto product = [=](const double* A, const double* u, int row) {
+        double a[4];
         #pragma unroll
-        for (int c = 0; c < 4; ++c) {
-            a += A[c * column + row] * u[c];
-            b += A[(c + 4) * column + row] * u[c + 4];
-        }
-        return a + b;
+        for (int c = 0; c < 4; ++c) a[c] = A[c * column + row] * u[c];
+        #pragma unroll
+        for (int c = 0; c < 4; ++c) a[c] += A[(c + 4) * column + row] * u[c + 4];
+        return (a[0] + a[1]) + (a[2] + a[3]);
     };
-    for (int t = lane; t < most * count * 8; t += lanes) {
-        const int i = t % 8, b = t / 8, k = first + b % count, J = b / count;
-        if (J < (number[k] + 1) / 2) v[vector(J, k) + i] = 2 * J + i / 4 < number[k] ? given[entry(J, k, i)] : 0.0;
+    #pragma unroll 1
+    for (int t = lane; t < 2 * most * count; t += lanes) {       // a point a thread
+        int i;
+        const int k = strand_of(t, i), has = number[k];
+        if (i >= 2 * ((has + 1) / 2)) continue;
+        double* const to = v + vector(i / 2, k) + 4 * (i % 2);
+        #pragma unroll
+        for (int c = 0; c < 4; ++c) to[c] = i < has ? given[4 * (i * m + k) + c] : 0.0;
     }
     TEAM_MEETS();
+    #pragma unroll 1
     for (int s = 1; s < 2 * most; s *= 2) {                  // the last alone: the node that is left
+        #pragma unroll 1
         for (int t = lane; t < ((most - 1) / s + 1) * count * 8; t += lanes) {
-            const int i = t % 8, b = t / 8, k = first + b % count, q = b / count, J = q * s, has = (number[k] + 1) / 2;
+            int q;
+            const int i = t & 7, k = strand_of(t >> 3, q), J = q * s, has = (number[k] + 1) / 2;
             if (J >= has) continue;
-            const size_t row = (size_t)(J * m + k) * 8 + i, way = (size_t)s * m * 8;
+            const int row = (J * m + k) * 8 + i, way = s * m * 8, at = vector(J, k), step = s * wide * 8;
             if (q % 2 == 1 || s >= most) {
-                z[vector(J, k) + i] = product(inverse, v + vector(J, k), row);
+                z[at + i] = product(inverse, v + at, row);
             } else {
-                double a = v[vector(J, k) + i];
-                if (J - s >= 0) a -= product(right_rows, v + vector(J - s, k), row - way);
-                if (J + s < has) a -= product(left_rows, v + vector(J + s, k), row + way);
-                v[vector(J, k) + i] = a;
+                double a = v[at + i];
+                if (J + s < has) a -= product(left_rows, v + at + step, row + way);
+                if (J >= s) a -= product(right_rows, v + at - step, row - way);
+                v[at + i] = a;
             }
         }
         TEAM_MEETS();
     }
     int s = 1;
     while (2 * s < most) s *= 2;
+    #pragma unroll 1
     for (; s >= 1; s /= 2) {
         const int odds = s < most ? (most - 1 - s) / (2 * s) + 1 : 0;
+        #pragma unroll 1
         for (int t = lane; t < odds * count * 8; t += lanes) {
-            const int i = t % 8, b = t / 8, k = first + b % count, o = (2 * (b / count) + 1) * s, has = (number[k] + 1) / 2;
+            int q;
+            const int i = t & 7, k = strand_of(t >> 3, q), o = (2 * q + 1) * s, has = (number[k] + 1) / 2;
             if (o >= has) continue;
-            const size_t row = (size_t)(o * m + k) * 8 + i;
-            double a = z[vector(o, k) + i] - product(left, z + vector(o - s, k), row);
-            if (o + s < has) a -= product(right, z + vector(o + s, k), row);
-            z[vector(o, k) + i] = a;
+            const int row = (o * m + k) * 8 + i, at = vector(o, k), step = s * wide * 8;
+            double a = z[at + i] - product(left, z + at - step, row);
+            if (o + s < has) a -= product(right, z + at + step, row);
+            z[at + i] = a;
         }
         TEAM_MEETS();
     }
-    for (int t = lane; t < most * count * 8; t += lanes) {
-        const int i = t % 8, b = t / 8, k = first + b % count, J = b / count;
-        if (2 * J + i / 4 < number[k]) out[entry(J, k, i)] = z[vector(J, k) + i];
+    #pragma unroll 1
+    for (int t = lane; t < 2 * most * count; t += lanes) {
+        int i;
+        const int k = strand_of(t, i);
+        if (i >= number[k]) continue;
+        const double* const of = z + vector(i / 2, k) + 4 * (i % 2);
+        #pragma unroll
+        for (int c = 0; c < 4; ++c) out[4 * (i * m + k) + c] = of[c];
     }
     TEAM_MEETS();
     #undef TEAM_MEETS
+    #undef RECIPROCAL_ROOT
 """
 
 
