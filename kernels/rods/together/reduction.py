@@ -21,10 +21,10 @@ SQUARE = wp.constant(SIZE * SIZE)
 # Matrices of a node: D; R, and R of every other step; D^-1, A_l, A_r by columns; A_l, A_r by rows
 OWN, NEXT, OTHER, INVERSE, LEFT, RIGHT, LEFT_ROWS, RIGHT_ROWS = range(8)
 MATRICES = 8
-NODES = 256                              # vectors of so many nodes stand in shared memory: 32 KiB
+NODES = 128                              # vectors of so many nodes stand in shared memory: 16 KiB, beside those of rounds.py
 
 # Entry (r, c) of node J of strand k is c * column + (J * m + k) * 8 + r: threads of rows read side by side.
-_PLACES = """
+PLACES = """
 #if defined(__CUDA_ARCH__)
     const int lane = threadIdx.x, lanes = blockDim.x;
     #define TEAM_MEETS() __syncthreads()
@@ -46,7 +46,7 @@ _PLACES = """
     };
 """
 
-_FACTOR = _PLACES + """
+_FACTOR = PLACES + """
     double* R = D + entries;
     double* next = D + 2 * entries;
     for (int s = 1; s < 2 * most; s *= 2) {
@@ -155,21 +155,7 @@ _FACTOR = _PLACES + """
     #undef RECIPROCAL_ROOT
 """
 
-_SOLVE = _PLACES + f"""
-#if defined(__CUDA_ARCH__)
-    __shared__ double room[2 * 8 * {NODES}];
-    const bool small = most * count <= {NODES};
-    double* const v = small ? room : work.data;
-    double* const z = small ? room + 8 * {NODES} : work.data + column;
-    const int wide = small ? count : m, from = small ? first : 0;
-#else
-    double* const v = work.data;
-    double* const z = v + column;
-    const int wide = m, from = 0;
-#endif
-    const double* const given = (const double*)r.data;
-    double* const out = (double*)z_out.data;
-""" + """
+PRODUCT = """
     auto vector = [=](int J, int k) { return (J * wide + k - from) * 8; };
     auto product = [=](const double* A, const double* u, int row) {
         double a[4];
@@ -179,16 +165,10 @@ _SOLVE = _PLACES + f"""
         for (int c = 0; c < 4; ++c) a[c] += A[(c + 4) * column + row] * u[c + 4];
         return (a[0] + a[1]) + (a[2] + a[3]);
     };
-    #pragma unroll 1
-    for (int t = lane; t < 2 * most * count; t += lanes) {       // a point a thread
-        int i;
-        const int k = strand_of(t, i), has = number[k];
-        if (i >= 2 * ((has + 1) / 2)) continue;
-        double* const to = v + vector(i / 2, k) + 4 * (i % 2);
-        #pragma unroll
-        for (int c = 0; c < 4; ++c) to[c] = i < has ? given[4 * (i * m + k) + c] : 0.0;
-    }
-    TEAM_MEETS();
+"""
+
+# Eliminates nodes of v, and solves for z.
+LEVELS = """
     #pragma unroll 1
     for (int s = 1; s < 2 * most; s *= 2) {                  // the last alone: the node that is left
         #pragma unroll 1
@@ -225,7 +205,34 @@ _SOLVE = _PLACES + f"""
         }
         TEAM_MEETS();
     }
-    #pragma unroll 1
+"""
+
+_SOLVE = PLACES + f"""
+#if defined(__CUDA_ARCH__)
+    __shared__ double room[2 * 8 * {NODES}];
+    const bool small = most * count <= {NODES};
+    double* const v = small ? room : work.data;
+    double* const z = small ? room + 8 * {NODES} : work.data + column;
+    const int wide = small ? count : m, from = small ? first : 0;
+#else
+    double* const v = work.data;
+    double* const z = v + column;
+    const int wide = m, from = 0;
+#endif
+    const double* const given = (const double*)r.data;
+    double* const out = (double*)z_out.data;
+""" + """
+""" + PRODUCT + """    #pragma unroll 1
+    for (int t = lane; t < 2 * most * count; t += lanes) {       // a point a thread
+        int i;
+        const int k = strand_of(t, i), has = number[k];
+        if (i >= 2 * ((has + 1) / 2)) continue;
+        double* const to = v + vector(i / 2, k) + 4 * (i % 2);
+        #pragma unroll
+        for (int c = 0; c < 4; ++c) to[c] = i < has ? given[4 * (i * m + k) + c] : 0.0;
+    }
+    TEAM_MEETS();
+""" + LEVELS + """    #pragma unroll 1
     for (int t = lane; t < 2 * most * count; t += lanes) {
         int i;
         const int k = strand_of(t, i);

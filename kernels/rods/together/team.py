@@ -23,6 +23,7 @@ from wsim.kernels.rods.together.conjugate import GAIN, ROUNDS
 from wsim.kernels.rods.together.coupled import ACTIVE, GOING, Coupled, judge
 from wsim.kernels.rods.together.nodes import Team, assemble
 from wsim.kernels.rods.together.reduction import factor, solve
+from wsim.kernels.rods.together.rounds import SMALL, go_rounds
 from wsim.kernels.rods.together.warps import greatest, warp_sum
 from wsim.kernels.solver.pcg import total
 
@@ -260,6 +261,11 @@ def correcting(threads: int, bearing: bool, module: str):
         pressed = active > wp.float64(0.0) and words[ACTIVE] == 1          # else the list's N are of an earlier one
         least = GAIN * rho
         turning = pressed and rho > wp.float64(0.0)
+        count = G.first[w + 1] - G.first[w]
+        if not wp.static(bearing):
+            if turning and A.most[w] * count <= wp.static(SMALL):
+                rounds = go_rounds(S, T, G, P, A, rho, wp.vec3i(G.first[w], count, A.most[w]))
+                turning = False
         while turning:
             together()
             sum, alpha = go_round(S, T, G, P, A, B, rho, wp.vec2i(lane, w))

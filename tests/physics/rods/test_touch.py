@@ -216,21 +216,27 @@ def test_odd_even_reduction_errs_by_rounding_alone(n):
 
 
 @pytest.mark.slow
-def test_a_block_of_threads_finds_what_a_thread_a_strand_does(monkeypatch):
+@pytest.mark.parametrize("far", [0, 14])
+def test_a_block_of_threads_finds_what_a_thread_a_strand_does(far, monkeypatch):
     """Two ropes that are thrown at each other, a short one between them, in two worlds: iterations end at 1e-6 of an edge, 12
-    substeps."""
+    substeps. far: ropes that meet nothing, with which vectors have no room in shared memory."""
     def places(team: bool) -> tuple[np.ndarray, np.ndarray, float]:
         monkeypatch.setattr(together, "TEAM", team)
         made, rods = thrown(1, speed=4.0)
         t = np.linspace(0.02, 0.2, 6)
         made.add(Rods("/short", np.stack([t, 0.3 * t, 0.0 * t], axis=1), [6], THICK, young=1e7, self_collision=True))
+        if far:
+            apart = np.tile(np.stack([np.linspace(0.0, 1.0, N), *np.zeros((2, N))], axis=1), (far, 1))
+            apart[:, 1] += 5.0 + np.repeat(np.arange(far), N)
+            made.add(Rods("/zfar", apart, [N] * far, THICK, young=1e7, self_collision=True))
         simulation = Simulation(made, device="cpu", worlds=2)
         method, pressed = simulation.plan.method("rods"), 0.0
         for _ in range(3):
             simulation.step()
             pressed = max(pressed, method.indicators(None, None)["rod_pressed"])
         order = [k for world in range(2) for k, (_, of) in enumerate(method.table.pairs) if of == world]
-        long, short = (np.stack([method.points(k)[0] for k in order[first::2]]) for first in range(2))
+        each = len(order) // 2
+        long, short = (np.stack([method.points(k)[0] for k in order[first::each]]) for first in range(2))
         return long, short, pressed
     one, other, again = places(True), places(False), places(True)
     assert one[2] > 0.0
