@@ -27,15 +27,9 @@ TRIANGLE, HINGE = 3, 4                  # points
 KEPT = {TRIANGLE: 6, HINGE: 9 + 9 + 3}  # reals that the room keeps of an element: x_k - x_0, G, slope, kept and z
 THIN = 1.0e-3          # |F_u x F_v| over |F_u|^2 + |F_v|^2 below which rounding may have turned the normal
 
-ROOM = VECTORS + """
+# Vectors of eight elements.
+TOOLS = """
     typedef {integer} lanes __attribute__((vector_size(8 * sizeof({real}))));
-    const int places = s.order.shape[0], blocks = s.group.shape[0] - 1, *order = s.order.data, *group = s.group.data;
-    const int triangles = s.triangles, hinges = s.hinges, sheets = s.count.shape[0];
-    vec *D = (vec*)(((unsigned long long)room.data + 63) / 64 * 64), *F = D + s.row, *X = F + s.row, *Q = X + s.row,
-        *V = Q + s.row, *C = V + s.row, *S = C + s.row, *G = S + s.row, *W = G + s.row, *U = W + 24 * triangles,
-        *M = U + 32 * hinges + 2;                                                   // before it and behind it: zero
-    eight *ET = (eight*)(M + sheets + 2 - sheets % 2), *EH = ET + 6 * triangles, *GH = EH + 9 * hinges,
-          *slope = GH + 9 * hinges, *kept = slope + hinges, *Z = kept + hinges;
     auto dot = [](const Columns& a, const Columns& b) {{ return a.x * b.x + a.y * b.y + a.z * b.z; }};
     auto cross = [](const Columns& a, const Columns& b) {{
         return Columns{{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}}; }};
@@ -43,13 +37,6 @@ ROOM = VECTORS + """
     auto plus = [](const Columns& a, const Columns& b) {{ return Columns{{a.x + b.x, a.y + b.y, a.z + b.z}}; }};
     auto mix = [&](eight a, const Columns& b, eight c, const Columns& d) {{ return plus(times(a, b), times(c, d)); }};
     auto over = [&](eight a) {{ return a > 0 ? 1 / a : none; }};
-    auto all = [](const {real}* a, int p) {{ return *(const entries*)(a + 8 * p); }};
-    auto base = [&](vec* row, const int* id, eight* r) {{
-        for (int l = 0; l < 4; ++l) r[l] = pair(end(row, id[l]), end(row, id[l + 4])); }};
-    auto from = [&](vec* row, const int* id, const eight* o) {{                     // of that corner, from the first one
-        eight r[4];
-        for (int l = 0; l < 4; ++l) r[l] = pair(end(row, id[l]), end(row, id[l + 4])) - o[l];
-        return columns(r); }};
     auto spread = [&](vec* to, const Columns& f) {{                                 // lanes 0 4 1 5 2 6 3 7
         const eight a = __builtin_shufflevector(f.x, f.y, 0, 8, 1, 9, 4, 12, 5, 13);
         const eight b = __builtin_shufflevector(f.x, f.y, 2, 10, 3, 11, 6, 14, 7, 15);
@@ -59,6 +46,22 @@ ROOM = VECTORS + """
         at(to, 2) = __builtin_shufflevector(a, c, 2, 3, 10, 11, 6, 7, 14, 15);
         at(to, 4) = __builtin_shufflevector(b, d, 0, 1, 8, 9, 4, 5, 12, 13);
         at(to, 6) = __builtin_shufflevector(b, d, 2, 3, 10, 11, 6, 7, 14, 15); }};
+"""
+ROOM = VECTORS + TOOLS + """
+    const int places = s.order.shape[0], blocks = s.group.shape[0] - 1, *order = s.order.data, *group = s.group.data;
+    const int triangles = s.triangles, hinges = s.hinges, sheets = s.count.shape[0];
+    vec *D = (vec*)(((unsigned long long)room.data + 63) / 64 * 64), *F = D + s.row, *X = F + s.row, *Q = X + s.row,
+        *V = Q + s.row, *C = V + s.row, *S = C + s.row, *G = S + s.row, *W = G + s.row, *U = W + 24 * triangles,
+        *M = U + 32 * hinges + 2;                                                   // before it and behind it: zero
+    eight *ET = (eight*)(M + sheets + 2 - sheets % 2), *EH = ET + 6 * triangles, *GH = EH + 9 * hinges,
+          *slope = GH + 9 * hinges, *kept = slope + hinges, *Z = kept + hinges;
+    auto all = [](const {real}* a, int p) {{ return *(const entries*)(a + 8 * p); }};
+    auto base = [&](vec* row, const int* id, eight* r) {{
+        for (int l = 0; l < 4; ++l) r[l] = pair(end(row, id[l]), end(row, id[l + 4])); }};
+    auto from = [&](vec* row, const int* id, const eight* o) {{                     // of that corner, from the first one
+        eight r[4];
+        for (int l = 0; l < 4; ++l) r[l] = pair(end(row, id[l]), end(row, id[l + 4])) - o[l];
+        return columns(r); }};
     auto four = [&](const {real}* a, int p, eight* out) {{                          // four numbers of each
         const {real}* o = a + 32 * p;
         eight r[4];

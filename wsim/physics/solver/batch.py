@@ -8,9 +8,11 @@ import warp as wp
 from wsim.geometry.sheet_ordering import lowest
 from wsim.geometry.topology import order_of
 from wsim.kernels.math.real import types
+from wsim.kernels.motion.points import states
 from wsim.kernels.solver import xpbd as kernels
 from wsim.model.model import Model
 from wsim.model.stage import Clock
+from wsim.model.structs import filled
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import SHEET
@@ -19,6 +21,9 @@ from wsim.physics.cloth.table import Table
 FUSE = 512            # constraints of a world's largest colour up to which one block takes all its colours in a launch. H200:
                       # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3. H100, 4096
                       # worlds of 1k points, a frame of one: 2.9 us by blocks of 512 threads, 3.1 of 256, 4.6 of 128
+
+
+PACKED = True          # membranes and hinges by eights on a CPU: tests compare
 
 
 class Batch(Table):
@@ -37,6 +42,8 @@ class Batch(Table):
         self.worlds = 1 if model.gradients else model.worlds          # blocks of a sweep; with adjoints there is one
         largest = int(np.diff(self.starts).max()) // self.worlds
         self.fused = FUSE > 0 and not model.fuser and (not model.device.is_cuda or largest <= FUSE)
+        self.packed = PACKED and self.fused and model.device.is_cpu and self.row.packets and self.kind != "distance"
+        self.packed = self.packed and not model.gradients             # eight constraints at a time
         self.remade = False
         self.adjoint: Any = None
         _, self.kernel = self.make()
@@ -63,7 +70,12 @@ class Batch(Table):
         from wsim.physics.cloth.curvature import Curvature
         model, data = self.model, self.data
         self.lengths, data.rest = data.rest, wp.zeros_like(data.rest)
-        self.curvature = Curvature(model, self.rows, self.order)
+        self.curvature = Curvature(model, self.rows, self.order, apart=self.packed)
+        if self.packed:
+            from wsim.kernels.solver.sweeps import packets
+            self.targets = packets.aim(model.real, model.module, self.damped)
+            self.curvature.room()
+            return
         self.angles = curvature.angles(model.real, model.module, self.damped)
         self.targets = curvature.targets(model.real, model.module)
 
@@ -79,7 +91,10 @@ class Batch(Table):
     def aim(self, x: wp.array, d: wp.array, a: wp.array | None, rate: float) -> None:
         """Angles at rest for what stands at x + d now: see kernels/cloth/curvature.py."""
         launch, cur = self.model.launch, self.curvature
-        if cur:
+        if cur and self.packed:
+            at = filled(states(self.model.real), x=x, d=d, a=a)
+            launch(self.targets, 1, [self.data, self.lengths, at, rate, cur.data], [self.data.rest])
+        elif cur:
             launch(self.angles, self.size, [self.data, self.lengths, x, d, a, rate, cur.data], [])
             cur.launch_sums()
             launch(self.targets, self.size, [self.data, self.lengths, cur.data], [self.data.rest])
@@ -91,6 +106,9 @@ class Batch(Table):
                 "exact": model.gradients}
         if not self.fused:
             return kernels.projection(self.row.equation, module=model.module, **kind)
+        if self.packed:
+            from wsim.kernels.solver.sweeps import packets
+            return packets.sweep(self.row.equation, module=model.sweep_module, **kind)
         return kernels.sweep(self.row.equation, module=model.sweep_module, **kind)
 
     def omega(self, clock: Clock) -> float:

@@ -23,7 +23,7 @@ class Residual:
         self.rounded = line_search.rounded(model.real, block)
         if clock.watched:
             status.reserve(MISSED)
-            from wsim.kernels.solver.xpbd_residual import judge
+            from wsim.kernels.solver.sweeps.residual import judge
             self.judge = judge(model.real, model.module)
 
     def measure(self, clock: Clock, terms: Iterable[Term]) -> wp.array:

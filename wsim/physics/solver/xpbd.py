@@ -77,7 +77,7 @@ class Xpbd(Method):
     def watch(self) -> None:
         """BDF2 gains energy where sweeps leave too much: the last substep of a frame is measured. The midpoint's way to the end
         of a substep doubles what they leave: each is."""
-        from wsim.kernels.solver.xpbd_residual import judge
+        from wsim.kernels.solver.sweeps.residual import judge
         model = self.model
         self.status.reserve(MISSED)
         self.watched = [b for b in self.batches if not b.hard]
@@ -93,7 +93,7 @@ class Xpbd(Method):
 
     def residual_kernels(self, module: str, few: bool = True) -> list:
         """Kernels by batch; few: also of those that the host can look at."""
-        from wsim.kernels.solver.xpbd_residual import residual
+        from wsim.kernels.solver.sweeps.residual import residual
         return [residual(b.row.equation, real=self.model.real, module=module, uniform=b.uniform) if few or not b.few else None
                 for b in self.batches if not b.hard]
 
@@ -122,7 +122,7 @@ class Xpbd(Method):
                 self.model.launch(kernel, batch.size, [batch.data, x, d, own, 1.0 / self.clock.g, row], [largest])
 
     def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-        """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/xpbd_residual.py (strain,
+        """elastic_energy [J]; residual: what the last substep's sweeps left, see kernels/solver/sweeps/residual.py (strain,
         radians). A single iteration keeps no multipliers and has no residual. Kernels of their own module, compiled when asked
         for; few constraints are looked at on the host. Beside explicit steps, which have what is soft, nothing."""
         soft = [b for b in self.batches if not b.hard]

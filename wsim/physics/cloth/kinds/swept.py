@@ -1,4 +1,4 @@
-"""Residual of XPBD's sweeps in NumPy and float64, of so few constraints that compiling kernels/solver/xpbd_residual.py costs
+"""Residual of XPBD's sweeps in NumPy and float64, of so few constraints that compiling kernels/solver/sweeps/residual.py costs
 more; equations there and in kernels/cloth/constraint.py. The largest over constraints of
 
     |C + a lam| S / (S + a) / l,   S = sum_k w_k |G_k|^2,   a = alpha / h^2
