@@ -7,6 +7,7 @@ device array, no branch on one, so that a frame can be captured.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -187,11 +188,16 @@ class Method:
     stages: list[Stage] = field(default_factory=list)
     subdivide: int = 1                                         # steps of its own in a substep, each all its phases
     moved: bool = False                                        # a frame has other launches than its graph from now on
-    alike: bool = False                                        # launches of substeps but the first and the last are the same
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
-    evaluates: dict[str, list[str]] = field(default_factory=dict)      # by NumPy before frames: what, and of which prims
     offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
     by_world: bool = False                                     # `set` takes a `ByWorld` too
+
+    alike = False                                              # launches of substeps but the first and the last are the same
+
+    @cached_property
+    def evaluates(self) -> dict[str, list[str]]:
+        """Things that NumPy evaluates before every frame, and the prims they are of."""
+        return {}
 
     def enter(self, clock: Clock) -> None:
         """A frame begins that has not been tried yet: which form it takes first."""

@@ -1,9 +1,9 @@
 """XPBD's sweeps of membranes and hinges on a CPU, eight constraints of a colour at a time, and the angles that hinges want.
 
 The formulas, symbols and order of colours are those of kernels/solver/xpbd.py (`_block`, `_row`), kernels/cloth/constraint.py
-and kernels/cloth/curvature.py, in C++ with Clang's vectors as kernels/motion/sheet_packets.py: constraints of a colour share no
-point that moves, so eight of them are read, solved and written together. What is left of a colour repeats its last constraint in
-the lanes behind it, which are not written. A lane computes the same whatever stands beside it: bits do not depend on worlds.
+and kernels/cloth/curvature.py, in C++ with Clang's vectors as kernels/motion/sheet_packets.py. Constraints of a colour share no
+point that moves, so eight of them are read, solved and written together. What is left of a colour repeats its last constraint
+in the lanes behind it, which are not written. A lane computes the same whatever stands beside it: bits do not depend on worlds.
 """
 
 from functools import cache

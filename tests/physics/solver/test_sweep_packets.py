@@ -10,7 +10,8 @@ from wsim.scene import Scene, shapes
 from wsim.simulation.simulation import Simulation
 
 
-def shaken(monkeypatch, packed: bool, precision: str, uneven: float = 0.0, worlds: int = 1, squeeze: float = 1.0, **more) -> Simulation:
+def shaken(monkeypatch, packed: bool, precision: str, uneven: float = 0.0, worlds: int = 1, squeeze: float = 1.0,
+           **more) -> Simulation:
     """A sheet of 10 x 8 triangles' sides, so that colours leave a remainder, that starts squeezed to a part of its width."""
     monkeypatch.setattr(batch, "PACKED", packed)
     scene = Scene(solver="xpbd", integrator="backward_euler", substeps=6, **{"iterations": 2} | more)

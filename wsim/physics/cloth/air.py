@@ -34,10 +34,12 @@ def build(b: Build) -> Aero:
 class Aero(Method):
     """Drag and lift on the triangles of every cloth that has some."""
 
+    alike = True
+
     def __init__(self, model: Model, state: State, points, taken: bool = False, half_step=None):
         """points: the method that owns the tables of points and the anchor; taken: explicit steps know the air themselves, see
         kernels/fused/sheet.py; half_step: offer of explicit steps, the arrays of `halves` in kernels/cloth/air.py."""
-        super().__init__("aero", by_world=True, alike=True)
+        super().__init__("aero", by_world=True)
         self.model, self.state, self.points, self.constants = model, state, points, points.constants
         real, module, t = model.real, model.module, types(model.real)
         cloths = [b for b in model.bodies if isinstance(b.source, Cloth) and b.source.feels_air]

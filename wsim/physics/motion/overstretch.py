@@ -50,9 +50,11 @@ def watched(explicit: Explicit, bears: float) -> Explicit:
 class Watch(Method):
     """One stage, after a frame; none where nothing has edges."""
 
+    alike = True
+
     def __init__(self, model: Model, state: State, status: Status, explicit: bool = False):
         """explicit: the frame is in doubt, and not only reported."""
-        super().__init__("watch", alike=True)
+        super().__init__("watch")
         self.model, self.state, self.status, self.own = model, state, status, THROWN if explicit else LONG
         self.thrown_by: Clock | None = None            # of a midpoint whose middle is projected
         self.most = MOST

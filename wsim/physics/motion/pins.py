@@ -96,7 +96,8 @@ class Pins(Method):
 
     def __init__(self, model: Model, state: State, points: Points, explicit: bool = False):
         """explicit: hard pins are moved by the integrator itself, which reads `target` and `columns`."""
-        super().__init__("pins", alike=points.integrator.solves == 1)
+        super().__init__("pins")
+        self.alike = points.integrator.solves == 1
         self.model, self.state, self.points = model, state, points
         pins = pins_of(model)
         self.groups = {"hard": [p for p in pins if not isfinite(p.pin.stiffness)],

@@ -37,9 +37,11 @@ def build(b: Build) -> Xpbd:
 class Xpbd(Method):
     """Stages solve: one per kind, each a launch a colour; before them, once a substep, the multipliers are zeroed."""
 
+    alike = True
+
     def __init__(self, model: Model, state: State, points, status: Status, clock: Clock, rows: list[Constraints]):
         """rows: constraints of all bodies."""
-        super().__init__("xpbd", by_world=True, alike=True)
+        super().__init__("xpbd", by_world=True)
         self.model, self.state, self.points, self.status, self.clock = model, state, points, status, clock
         self.watched: list[Batch] = []
         self.muscles: Any = None

@@ -48,8 +48,10 @@ def build(b) -> Balance | None:
 
 
 class Balance(Method):
+    alike = True
+
     def __init__(self, b, terms: Terms, works: Works):
-        super().__init__("balance", alike=True)
+        super().__init__("balance")
         self.model, self.status, self.terms, self.clock = b.model, b.status, terms, b.clock
         self.works, self.reasons, self.iterates = works, Reasons(b, works), b.choice.solver in ("xpbd", "implicit")
         device, n = b.model.device, b.model.worlds
