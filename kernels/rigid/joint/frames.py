@@ -10,27 +10,27 @@ from wsim.kernels.rigid.joint.rows import both
 @wp.func(inline=False)
 def ends_of(j: int, k: int, J: Linked):
     """Frames of a joint with bodies as they are in J; of anchors those of row k."""
-    e = Ends()
+    ends = Ends()
     row = k * J.t.moving
     a = J.t.a[j]
     b = J.t.b[j]
     if a >= 0:
-        e.c_a = J.X[a]
-        e.p_a = J.X[a] + wp.quat_rotate(J.Q[a], J.t.at_a[j])
-        e.Q_a = J.Q[a] * J.t.turn_a[j]
+        ends.c_a = J.X[a]
+        ends.p_a = J.X[a] + wp.quat_rotate(J.Q[a], J.t.at_a[j])
+        ends.Q_a = J.Q[a] * J.t.turn_a[j]
     else:
-        e.c_a = J.t.anchor_x[row, j]
-        e.p_a = e.c_a
-        e.Q_a = J.t.anchor_q[row, j]
+        ends.c_a = J.t.anchor_x[row, j]
+        ends.p_a = ends.c_a
+        ends.Q_a = J.t.anchor_q[row, j]
     if b >= 0:
-        e.c_b = J.X[b] + J.t.apart[j]
-        e.p_b = e.c_b + wp.quat_rotate(J.Q[b], J.t.at_b[j])
-        e.Q_b = J.Q[b] * J.t.turn_b[j]
+        ends.c_b = J.X[b] + J.t.apart[j]
+        ends.p_b = ends.c_b + wp.quat_rotate(J.Q[b], J.t.at_b[j])
+        ends.Q_b = J.Q[b] * J.t.turn_b[j]
     else:
-        e.c_b = J.t.anchor_x[row, j] + J.t.apart[j]
-        e.p_b = e.c_b
-        e.Q_b = J.t.anchor_q[row, j]
-    return e
+        ends.c_b = J.t.anchor_x[row, j] + J.t.apart[j]
+        ends.p_b = ends.c_b
+        ends.Q_b = J.t.anchor_q[row, j]
+    return ends
 
 
 @wp.func(inline=False)
@@ -96,12 +96,12 @@ def measure_turn(j: int, e: Ends, at: Place, part: wp.float64, J: Linked):
 @wp.func(inline=False)
 def lined(j: int, k: int, J: Linked):
     """Coordinates of a joint now, its rows and arms."""
-    e = ends_of(j, k, J)
-    at = place_of(e, J.t.form[j], J.t.cone[j])
+    ends = ends_of(j, k, J)
+    at = place_of(ends, J.t.form[j], J.t.cone[j])
     J.axis[j] = at.axis
     J.turn[j] = at.turn
-    J.r_a[j] = e.p_b - e.c_a
-    J.r_b[j] = e.p_b - e.c_b
+    J.r_a[j] = ends.p_b - ends.c_a
+    J.r_b[j] = ends.p_b - ends.c_b
     phi = unwound(at.turned[0], J.quarters[j])
     J.quarters[j] = int(wp.round(wp.float64(2.0) * phi / PI))
     three = int(3)

@@ -106,24 +106,24 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
 
     @wp.func
     def touch(C: Colliders, S: Strands, Q: Motion, T: Trial, hh: wp.float64, at: int, i: int, k: int):
-        E = Edge()
-        E.i = i
-        E.k = k
-        E.at = at
-        E.hh = hh
-        E.x0 = T.x[i, k] + S.origin[k]
-        E.x1 = T.x[i + 1, k] + S.origin[k]
-        E.had = T.edge[i, k]
-        E.reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
+        edge = Edge()
+        edge.i = i
+        edge.k = k
+        edge.at = at
+        edge.hh = hh
+        edge.x0 = T.x[i, k] + S.origin[k]
+        edge.x1 = T.x[i + 1, k] + S.origin[k]
+        edge.had = T.edge[i, k]
+        edge.reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
         F = Faced()
         F.now = CLEAR
         F.first.side.deep = -FAR
         F.second.side.deep = -FAR
         zero = wp.float64(0.0)
-        if T.hit and E.had == MET:
+        if T.hit and edge.had == MET:
             row = T.x.shape[0] + i
             if T.load[row, k] > zero or T.load[row + T.x.shape[0], k] > zero:    # it is drawn back as points are
-                E.reach = E.reach + DRAWN * wp.length(E.x1 - E.x0)
+                edge.reach = edge.reach + DRAWN * wp.length(edge.x1 - edge.x0)
         colliders = C.kind.shape[0]
         count = colliders
         j = int(0)
@@ -131,16 +131,16 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             c = j
             if j >= colliders:
                 c = wp.where((j == colliders) == (F.pair.y < F.pair.z), F.pair.first, F.pair.second)
-            F = face(C, S, Q, T, F, E, c, wp.max(j + 1 - colliders, 0))
+            F = face(C, S, Q, T, F, edge, c, wp.max(j + 1 - colliders, 0))
             j += 1
             if j == colliders and F.pair.less > zero:
                 count = colliders + 2
         found = F.to
-        if F.now != E.had:
+        if F.now != edge.had:
             T.edge[i, k] = F.now
-        if F.now == MET or E.had == MET:
-            found = end(C, S, Q, T, found, F.first, E, 0)
-            found = end(C, S, Q, T, found, F.second, E, 1)
+        if F.now == MET or edge.had == MET:
+            found = end(C, S, Q, T, found, F.first, edge, 0)
+            found = end(C, S, Q, T, found, F.second, edge, 1)
         return found
 
     return SimpleNamespace(clear=clear, touch=touch, name="_".join(kinds))

@@ -4,11 +4,13 @@ import ast
 import inspect
 import textwrap
 from collections import Counter
+from pathlib import Path
 
 import pytest
 import warp as wp
 from warp._src import codegen
 
+from wsim.kernels.rigid import passes
 from wsim.kernels.rigid.complementarity.converged import converged
 from wsim.kernels.rigid.joint.passes import linked
 from wsim.kernels.rigid.narrow.epa import penetration
@@ -37,3 +39,21 @@ def test_functions_that_stand_by_themselves_do_so_on_a_cpu_and_nowhere_else():
     with variants.single(cpu=False):
         assert not getattr(codegen, variants.WORDS).get(function.inline_hint)
     assert getattr(codegen, variants.WORDS).get(function.inline_hint)
+
+
+def locals_named_as_numbers(path: Path) -> list[str]:
+    """Variables that a function makes, reads fields of, and that have the name of a number of Warp's."""
+    found = []
+    for function in (each for each in ast.walk(ast.parse(path.read_text())) if isinstance(each, ast.FunctionDef)):
+        made = {n.id for n in ast.walk(function) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        read = {n.value.id for n in ast.walk(function) if isinstance(n, ast.Attribute) and isinstance(n.value, ast.Name)}
+        found += [f"{path.name} {function.name}: {name}" for name in sorted(made & read)
+                  if isinstance(getattr(wp, name, None), (int, float))]
+    return found
+
+
+def test_a_kernel_has_one_hash_whatever_was_compiled_before():
+    """Warp 1.19 takes `e.x` of a variable e for its constant `wp.e` until the function has been compiled, and hashes that: a
+    process that has compiled it looks for, and compiles, another module than the next one."""
+    kernels = Path(passes.__file__).parents[1]
+    assert [each for path in sorted(kernels.rglob("*.py")) for each in locals_named_as_numbers(path)] == []
