@@ -120,15 +120,3 @@ def lend(real, module):
         to.a[i] = at.a[i]
 
     return lend_points
-
-
-@cache
-def hand(real, module):
-    """Kernel: copies the vectors of free points."""
-    vectors = wp.array(dtype=types(real).vec3)
-
-    def hand_points(of: vectors, out: vectors):
-        i = wp.tid()
-        out[i] = of[i]
-
-    return wp.kernel(hand_points, name=f"hand_points_{types(real).name}", module=module, enable_backward=False)

@@ -106,7 +106,7 @@ def test_lists_that_grow_leave_their_graph_valid(solver):
         sim.run(2)
         if short:
             own.near.room(1024)
-            own.room()
+            own.settle.room()
         else:
             own.near.anew()
         sim.graphs.forget("the test has changed the list")

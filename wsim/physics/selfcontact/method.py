@@ -66,6 +66,8 @@ class SelfContact(Method):
         self.alike = not self.strands
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
         self.obstacles = self.surfaces.obstacles
+        if self.surfaces.state:                          # what moves one moves the other
+            b.state.points.arrays["d"] = self.surfaces.state.d[:b.model.points]
         start = reports(b.model, self.surfaces)
         self.within = within = b.choice.solver == "xpbd" and not b.clock.integrator.beyond
         turns = within and not b.model.device.is_cuda
@@ -128,11 +130,6 @@ class SelfContact(Method):
         if self.surfaces.state:
             self.surfaces.borrow(self.model, self.own())
 
-    def give(self) -> None:
-        """Gives back to the state what this company has moved."""
-        if s := self.surfaces.state:
-            self.model.launch(self.surfaces.hand, self.model.points, [s.d], [self.state.d])
-
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
         """static_friction, dynamic_friction of a body or a collider."""
         return name in FRICTION and self.surfaces.rub(path, FRICTION.index(name), value, world)
@@ -191,7 +188,6 @@ class SelfContact(Method):
         on."""
         self.borrow()
         self.sweeper.sweep(clock, count, leads, 1 if leads or not self.within else ANEW, 1 if count == SWEEPS else -1)
-        self.give()
 
     def keep(self, clock: Clock) -> None:
         def again() -> None:
@@ -201,7 +197,6 @@ class SelfContact(Method):
         if self.strands:
             self.strands.pushes()
         self.guarantee.keep(self.at(), self.at().d, again, self.said)
-        self.give()
         self.settle.settle(clock)
         if self.contact and clock.integrator.memory:
             if self.bounce:

@@ -87,7 +87,7 @@ class Surfaces:
             w[first:first + self.strands.points] = self.strands.w
         self.w = model.upload(w.astype(model.dtype), real)
         self.state = filled(states(real), **{k: wp.zeros(self.total, dtype=types(real).vec3, device=device) for k in "xeda"})
-        self.lend, self.hand = company.lend(real, model.module), company.hand(real, model.module)
+        self.lend = company.lend(real, model.module)
         if self.obstacles:
             self.obstacles.state = self.state
 

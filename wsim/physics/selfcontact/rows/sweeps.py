@@ -73,9 +73,7 @@ class Sweeps:
             launch(self.press, threads, [data, at, climb, more, threads, listed, near.words], [near.sums])
             launch(method.guarantee.add, len(method.surfaces.points), [data.point, at.d, again, near.sums], [at.d])
             if method.contact:
-                method.give()
                 method.contact.project(clock, beside=True)
-                method.borrow()
 
     def _launch(self, clock: Clock, count: int, leads: bool, anew: int, spared: int) -> None:
         """One launch."""
