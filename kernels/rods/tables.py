@@ -110,6 +110,8 @@ class Pressed:
     rough: wp.array(dtype=int)                     # of worlds: > 0, friction is as stiff along its slip as across
     of: wp.array2d(dtype=int)                      # 4 pair + corner, (points, room)
     many: wp.array(dtype=int)                      # of them, by point; may be more than there is room for
+    on: wp.array2d(dtype=int)                      # those of them that press, and how many
+    ons: wp.array(dtype=int)
 
 
 @wp.struct

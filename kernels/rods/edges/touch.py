@@ -195,7 +195,7 @@ def press(module: str):
 
 @cache
 def gather(module: str):
-    """Kernel: what pairs add up at points. next: from a point to the one behind it in flat arrays."""
+    """Kernel: which pairs press points, and what they add up there. next: from a point to the one behind it in flat arrays."""
     @wp.kernel(module=module, enable_backward=False)
     def gather_pairs(s: Surfaces, near_at: wp.array(dtype=NearPairs), P: Pressed, next: int, f_out: wp.array(dtype=wp.vec3d),
                      K_out: wp.array(dtype=wp.mat33d), along_out: wp.array(dtype=wp.mat33d)):
@@ -204,9 +204,22 @@ def gather(module: str):
         f = wp.vec3d()
         K = wp.mat33d()
         along = wp.mat33d()
+        n = int(0)
         if s.w[p] > wp.float64(0.0):
-            for j in range(wp.min(P.many[p], P.of.shape[1])):
-                entry = P.of[p, j]
+            many = wp.min(P.many[p], P.of.shape[1])
+            for j in range(0, many, wp.static(4)):               # four at a time: a GPU waits for all of them once
+                e = wp.vec4i()
+                N = wp.vec4d()
+                for k in range(wp.static(4)):
+                    e[k] = P.of[p, wp.min(j + k, many - 1)]
+                for k in range(wp.static(4)):
+                    N[k] = P.N[e[k] / 4]
+                for k in range(wp.static(4)):
+                    if j + k < many and N[k] > wp.float64(0.0):
+                        P.on[p, n] = e[k]
+                        n += 1
+            for j in range(n):
+                entry = P.on[p, j]
                 i = entry / 4
                 c = entry - 4 * i
                 b = near.b[i]
@@ -215,6 +228,7 @@ def gather(module: str):
                 if c == 0 or c == 2:
                     if s.w[near.ids[i][c + 1]] > wp.float64(0.0):
                         along += P.K[i] * (b[c] * b[c + 1])
+        P.ons[p] = n
         f_out[p] = f
         K_out[p] = K
         along_out[p] = along
@@ -230,6 +244,8 @@ def across(module: str):
         near = near_at[0]
         i = wp.tid()
         if i >= wp.min(near.count[0], near.capacity):
+            return
+        if to.N[i] == wp.float64(0.0):                          # points read those that press alone
             return
         ids = near.ids[i]
         b = near.b[i]

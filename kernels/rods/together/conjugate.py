@@ -93,9 +93,9 @@ def gradients(module: str):
             if S.hold[i, k] < 0:
                 q = wp.vec3d()
                 point = i * m + k
-                if P.many:
-                    for j in range(wp.min(P.many[point], P.of.shape[1])):
-                        entry = P.of[point, j]
+                if P.ons:
+                    for j in range(P.ons[point]):
+                        entry = P.on[point, j]
                         pair = entry / 4
                         c = entry - 4 * pair
                         if c < 2:

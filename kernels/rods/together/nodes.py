@@ -22,7 +22,7 @@ from wsim.kernels.rods.together.reduction import NEXT, OWN
 
 @wp.struct
 class Team:
-    """Parts of blocks by point, systems by node (two points), active pairs by flat row of a point."""
+    """Parts of blocks by point, systems by node (two points)."""
 
     parts: wp.array3d(dtype=wp.mat44d)              # as `Window` has them: D0, D1, D2, P, N, F, (6, points, strands)
     sides: wp.array3d(dtype=wp.vec4d)               # r0, r1, r2
@@ -33,8 +33,6 @@ class Team:
     before: wp.array2d(dtype=wp.vec3d)              # places before a correction is taken [m]
     ids: wp.array(dtype=wp.vec4i)                   # points of pairs, and their weights; only where edges touch each other
     b: wp.array(dtype=wp.vec4d)
-    of: wp.array2d(dtype=int)                       # entries of pairs that press, as `Pressed` has all, (points, room)
-    many: wp.array(dtype=int)
 
 
 @cache

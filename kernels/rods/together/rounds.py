@@ -80,8 +80,8 @@ _ROUNDS = """
             const int point = entry[j] >> 2, c = entry[j] & 3;
             double f = 0.0;
             if (c < 3 && S.hold.data[point] < 0)
-                for (int e = 0; e < A.many.data[point]; ++e) {
-                    const int slot = A.of.data[point * A.of.shape[1] + e], pair = slot >> 2, other = (slot & 3) < 2 ? 2 : 0;
+                for (int e = 0; e < P.ons.data[point]; ++e) {
+                    const int slot = P.on.data[point * P.on.shape[1] + e], pair = slot >> 2, other = (slot & 3) < 2 ? 2 : 0;
                     const double b0 = A.b.data[pair][other], b1 = A.b.data[pair][other + 1], b = A.b.data[pair][slot & 3];
                     const double* const u0 = p + place(A.ids.data[pair][other]);
                     const double* const u1 = p + place(A.ids.data[pair][other + 1]);

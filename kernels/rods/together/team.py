@@ -36,27 +36,14 @@ def point_of(v: wp.vec4d):
 
 
 @wp.func
-def activate(P: Pressed, A: Team, point: int):
-    """Lists the pairs of a point that press; how many."""
-    n = int(0)
-    for j in range(wp.min(P.many[point], P.of.shape[1])):
-        entry = P.of[point, j]
-        if P.N[entry / 4] > wp.float64(0.0):
-            A.of[point, n] = entry
-            n += 1
-    A.many[point] = n
-    return n
-
-
-@wp.func
 def across(S: Strands, G: Coupled, P: Pressed, A: Team, i: int, k: int):
     """E p of a point: what pairs add between their two edges."""
     q = wp.vec3d()
     m = S.points.shape[0]
     point = i * m + k
-    if A.many and S.hold[i, k] < 0:
-        for j in range(A.many[point]):
-            entry = A.of[point, j]
+    if P.ons and S.hold[i, k] < 0:
+        for j in range(P.ons[point]):
+            entry = P.on[point, j]
             pair = entry / 4
             c = entry - 4 * pair
             other = wp.where(c < 2, 2, 0)
@@ -91,8 +78,8 @@ def correcting(threads: int, bearing: bool, module: str):
             if i < S.points[k]:
                 ahead += assemble(S, G, A, i, k)
                 point = i * S.points.shape[0] + k
-                if A.many:
-                    active += activate(P, A, point)
+                if P.ons:
+                    active += P.ons[point]
                 if wp.static(bearing):
                     if B.near[w] == 1:
                         active += B.many[point]

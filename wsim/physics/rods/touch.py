@@ -129,10 +129,10 @@ class Touching(Together):
                           **{k: zeros(n, dtype=kind) for k, kind in scalars.items() if k in names})
         self.pressed = made(tuple(scalars))
         self.pressed.cross, self.pressed.rough = zeros((n, 2), dtype=wp.vec3d), self.group.rough
+        self.pressed.on, self.pressed.ons = zeros((points, self.deep), dtype=int), zeros(points, dtype=int)
         self.corners = self.near.pairs.b
         if self.team:
             self.team.ids, self.team.b = self.near.pairs.ids, self.corners
-            self.team.of, self.team.many = zeros((points, self.deep), dtype=int), zeros(points, dtype=int)
         self.old, self.saved = made(MEMORY), made(MEMORY)
         self.old_ids, self.saved_ids = (zeros(n, dtype=wp.vec4i) for _ in range(2))
 
@@ -189,6 +189,7 @@ class Touching(Together):
         """The pairs of every point, of a list in which none remembers anything yet."""
         near, P, launch, point = self.near, self.pressed, self.ground.launch, self.edges.data.point
         P.many.zero_()
+        P.ons.zero_()
         launch(self.enlist, near.pairs.capacity, [near.table], [P])
         launch(self.order, len(point), [point, near.table, FULL], [P, self.said, near.words])
         launch(self.drop, len(point), [point], [near.table, P, near.words])
