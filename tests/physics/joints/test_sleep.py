@@ -30,7 +30,7 @@ def sleepy(*things, speed: float = 0.05, device: str = "cpu", **more) -> Simulat
     for thing in things:
         if not hasattr(thing, "colliders"):
             scene.add(thing)
-    return Simulation(scene, device=device, precision="float64")
+    return Simulation(scene, device=device)
 
 
 def arm(drive: Drive, **more) -> list:
