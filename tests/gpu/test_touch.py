@@ -7,6 +7,7 @@ import warp as wp
 from tests.physics.rigid.test_contact import ball, box
 from tests.physics.rigid.touch.test_blows import FREE, by
 from tests.physics.rigid.touch.touching import Mixed, run, scene
+from tests.physics.selfcontact.test_modules import swept
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
 
@@ -32,3 +33,10 @@ def test_a_ball_rests_in_a_sheet():
     sim = run(scene(one, pinned=True, stretch=2e4, damping=2e-3, n=17, air_drag=2.0), device="cuda:0")
     sim.run(380)
     assert Mixed(sim).fastest < 1e-3
+
+
+@pytest.mark.parametrize("name", ["xpbd", "leapfrog"])
+def test_sweeps_in_one_launch_have_the_bits_of_many(name, monkeypatch):
+    """Blocks that meet within a launch, beside a launch for each part of a sweep."""
+    found = [swept(name, together, "cuda:0", monkeypatch) for together in (True, False, True)]
+    assert all(np.array_equal(found[0], other) for other in found[1:])

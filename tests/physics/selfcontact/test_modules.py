@@ -69,17 +69,19 @@ def test_kernels_of_the_core_have_no_adjoint():
         assert not any(k.options["enable_backward"] for k in wp.get_module(name).kernels.values())
 
 
+def swept(name: str, together: bool, device: str, monkeypatch) -> np.ndarray:
+    """Places of a sheet that is thrown about and meets a box; together: by sweeps in one launch."""
+    monkeypatch.setattr(sweeps, "TOGETHER", together)
+    scene = crumple(0, 10, **SOLVERS[name])
+    scene.collider("/box", Box((0.2, 0.05, 0.2)), motion=Motion.at_place((0.0, -0.1, 0.0)), static_friction=0.5)
+    sim = Simulation(scene, device=device)
+    sim.run(2)
+    assert sim.plan.method("selfcontact").sweeper.fits() == together and said(sim)["near_pairs"] > 0
+    assert sim.plan.method("contact").contacts.slots.count.numpy().any()
+    return sim.state.x.numpy()
+
+
 @pytest.mark.parametrize("name", ["leapfrog", pytest.param("xpbd", marks=pytest.mark.slow)])
 def test_sweeps_in_one_launch_have_the_bits_of_many(name, monkeypatch):
-    """A sheet that is thrown about and meets a box: pairs in turn, pairs that all push at once, and contacts among them."""
-    def places(on: bool) -> np.ndarray:
-        monkeypatch.setattr(sweeps, "TOGETHER", on)
-        scene = crumple(0, 10, **SOLVERS[name])
-        scene.collider("/box", Box((0.2, 0.05, 0.2)), motion=Motion.at_place((0.0, -0.1, 0.0)), static_friction=0.5)
-        sim = Simulation(scene, device="cpu")
-        sim.run(2)
-        method = sim.plan.method("selfcontact")
-        assert method.sweeper.fits() == on and said(sim)["near_pairs"] > 0
-        assert sim.plan.method("contact").contacts.slots.count.numpy().any()
-        return sim.state.x.numpy()
-    assert np.array_equal(places(True), places(False))
+    """Pairs in turn, pairs that all push at once, and contacts among them."""
+    assert np.array_equal(swept(name, True, "cpu", monkeypatch), swept(name, False, "cpu", monkeypatch))
