@@ -78,3 +78,13 @@ def test_a_run_tells_when_and_why_it_captured():
     assert "captured 3 times" in report.text(sim.report() | {"captures": late})
     assert "1 of them after frame 10" in report.text(sim.report() | {"captures": late})
     assert "frame 11, with contacts: another solver" in report.text(sim.report() | {"captures": late})
+
+
+def test_nothing_is_captured_once_a_run_is_prepared():
+    """Of a strip that folds on itself, whose lists grow."""
+    scene = load(SCENES / "ribbon.usda")
+    sim = Simulation(scene, device="cpu")
+    sim.prepare()
+    captured = len(sim.graphs.log)
+    sim.run(8)
+    assert captured == 2 and len(sim.graphs.log) == captured and sum("was room for" in w for w in sim.repeats) > 0

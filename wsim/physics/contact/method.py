@@ -226,14 +226,15 @@ class Contact(Method):
         wanted, faces, points = int(status.said(ROOM)[0]), int(status.said(FACES)[0]), self.contacts.points
 
         def grow() -> str:
-            grown = self.contacts.grow(wanted)
+            room = self.contacts.slots.capacity                      # twice as much: each time takes a capture
+            grown = self.contacts.grow(max(wanted, 2 * room) if wanted > room else wanted)
             if self.prolonged:
                 self.prolonged.room()
             return f"a point touches {wanted} colliders at once, more than there was room for" if grown else ""
 
         def lists() -> str:
             from wsim.physics.contact.broad import roomier
-            grown = roomier(points, faces)
+            grown = roomier(points, 2 * faces)
             return f"at least {faces} faces of meshes are near a point, more than there was room for" if grown else ""
         return [Remedy("grow", act) for act, some in ((grow, wanted), (lists, faces > points.room)) if some]
 
