@@ -25,6 +25,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from wsim.kernels.collider.nearest import convex_kinds
 from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.contact.shape import distance
 from wsim.kernels.math.real import types
@@ -32,12 +33,6 @@ from wsim.kernels.math.real import types
 STEPS = 24               # Newton's, of a convex shape: they double the digits, but at a way that grazes they halve the rest
 NEAR = 0.01              # of the skin: so near is met
 AGAIN = 4                # faces of a closed mesh that a way may leave by before it enters one
-
-
-@cache
-def convex_kinds(kinds: tuple[str, ...]) -> tuple[str, ...]:
-    """Those that are no meshes; one at least, so that there is something to compile."""
-    return tuple(k for k in kinds if k not in ("solid", "sheet", "forming")) or ("sphere",)
 
 
 @cache

@@ -26,8 +26,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.collider import segment
-from wsim.kernels.contact.mesh import SHEET, SOLID
-from wsim.kernels.contact.shape import distance
+from wsim.kernels.collider.nearest import nearest
+from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.math.real import types
 
 FIXED = 3                # steps of the fixed point: each leaves the part of a place that a mesh stretches by in a frame
@@ -60,16 +60,15 @@ def colliders(real):
 def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
     """The functions of the file's docstring. kinds: of shapes, "solid" and "sheet" of meshes, "forming" where points move."""
     t, C, shape = types(real), colliders(real), segment.queries(kinds, real)
-    convex = distance(segment.convex_kinds(kinds))
-    solid, sheet, forming = ("solid" in kinds, "sheet" in kinds, "forming" in kinds)
+    near, forming = nearest(kinds, real), "forming" in kinds
 
     @wp.func
     def shifted(mesh: wp.uint64, q: wp.vec3f, time: real):
         """How far what is nearest to q has gone, [m]."""
-        near = wp.mesh_query_point_no_sign(mesh, q, float(1.0e9))
+        found = wp.mesh_query_point_no_sign(mesh, q, float(1.0e9))
         way = wp.vec3f()
-        if near.result:
-            way = float(time) * wp.mesh_eval_velocity(mesh, near.face, near.u, near.v)
+        if found.result:
+            way = float(time) * wp.mesh_eval_velocity(mesh, found.face, found.u, found.v)
         return way
 
     @wp.func
@@ -121,52 +120,15 @@ def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
         return center(c, k, time) + wp.quat_rotate(turned(c, k, time), r)
 
     @wp.func
-    def near_mesh(kind: int, mesh: wp.uint64, at: wp.vec3f):
-        phi = real(1.0e9)
-        n = t.vec3(real(0.0), real(0.0), real(1.0))
-        sign = float(1.0)
-        p = at
-        face = int(-1)
-        if wp.static(solid):
-            if kind == SOLID:
-                near = wp.mesh_query_point_sign_normal(mesh, at, float(1.0e9))
-                if near.result:
-                    sign = near.sign
-                    face = near.face
-                    p = wp.mesh_eval_position(mesh, near.face, near.u, near.v)
-        if wp.static(sheet):
-            if kind == SHEET:
-                open = wp.mesh_query_point_no_sign(mesh, at, float(1.0e9))
-                if open.result:
-                    face = open.face
-                    p = wp.mesh_eval_position(mesh, open.face, open.u, open.v)
-        if face >= 0:
-            far = wp.length(at - p)
-            m = wp.mesh_eval_face_normal(mesh, face)
-            if far > float(0.0):
-                m = sign * (at - p) / far
-            phi = real(sign * far)
-            n = t.vec3(real(m[0]), real(m[1]), real(m[2]))
-        return phi, n
-
-    @wp.func
     def closest(c: C, k: int, y: t.vec3, time: real):
         turn = turned(c, k, time)
         q = wp.quat_rotate_inv(turn, y - center(c, k, time))
-        kind = c.kind[k]
-        phi = real(1.0e9)
-        n = t.vec3(real(0.0), real(0.0), real(1.0))
-        if wp.static(solid or sheet):
-            if kind >= SOLID:
-                at = wp.vec3f(q)
-                if wp.static(forming):
-                    at = at - shifted(c.mesh[k], at, time)
-                phi, n = near_mesh(kind, c.mesh[k], at)
-        if kind < SOLID:
-            found, m = convex(kind, c.size[k], q)
-            phi = found
-            n = m
-        n = wp.quat_rotate(turn, n)
+        if wp.static(forming):
+            if c.kind[k] >= SOLID:
+                way = shifted(c.mesh[k], wp.vec3f(q), time)
+                q = q - t.vec3(real(way[0]), real(way[1]), real(way[2]))
+        phi, m, face, u, v = near(c.kind[k], c.size[k], c.mesh[k], q)
+        n = wp.quat_rotate(turn, m)
         return phi - c.thick[k], n, y - phi * n
 
     @wp.func

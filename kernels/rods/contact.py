@@ -37,8 +37,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.contact.mesh import SHEET, SOLID
-from wsim.kernels.contact.shape import distance
+from wsim.kernels.collider.nearest import nearest
 from wsim.kernels.rods.tables import Motion, Strands, Trial
 
 STIFF = wp.constant(wp.float64(30.0))        # a point at rest sinks by g h^2 / STIFF; much more, and iterations gain less
@@ -212,8 +211,7 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
     """Functions touch(C, S, Q, T, hh, at, i, k) -> Touch of a point in the substep at, hh: h^2; signed(C, c, at, q) -> distance
     [m] and normal of a place q in the frame of a collider, where a substep ends, and the same place of it where that began.
     kinds: of colliders, "" none."""
-    convex = distance(tuple(name for name in kinds if name not in ("solid", "sheet")) or ("sphere",))
-    solid, sheet = "solid" in kinds, "sheet" in kinds
+    near, meshes = nearest(kinds, wp.float64), "solid" in kinds or "sheet" in kinds
 
     @wp.func
     def moved(C: Colliders, c: int, at: int, q: wp.vec3d, p: wp.vec3d, face: int, u: float, v: float):
@@ -224,29 +222,11 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
 
     @wp.func
     def signed(C: Colliders, c: int, at: int, q: wp.vec3d):
-        phi = FAR
-        n = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
+        phi, n, face, u, v = near(C.kind[c], C.size[c], C.mesh[at + 1, c], q)
         before = q
-        if wp.static(solid):
-            if C.kind[c] == SOLID:
-                near = wp.mesh_query_point_sign_normal(C.mesh[at + 1, c], wp.vec3f(q), float(1.0e6))
-                if near.result:
-                    p = wp.vec3d(wp.mesh_eval_position(C.mesh[at + 1, c], near.face, near.u, near.v))
-                    phi = wp.float64(near.sign) * wp.length(q - p)
-                    n = wp.normalize(q - p) * wp.float64(near.sign)
-                    before = moved(C, c, at, q, p, near.face, near.u, near.v)
-        if wp.static(sheet):
-            if C.kind[c] == SHEET:
-                near = wp.mesh_query_point_no_sign(C.mesh[at + 1, c], wp.vec3f(q), float(1.0e6))
-                if near.result:
-                    p = wp.vec3d(wp.mesh_eval_position(C.mesh[at + 1, c], near.face, near.u, near.v))
-                    phi = wp.length(q - p)
-                    n = wp.normalize(q - p)
-                    before = moved(C, c, at, q, p, near.face, near.u, near.v)
-        if C.kind[c] < SOLID:
-            found, m = convex(C.kind[c], C.size[c], q)
-            phi = found
-            n = m
+        if wp.static(meshes):
+            if face >= 0:
+                before = moved(C, c, at, q, wp.vec3d(wp.mesh_eval_position(C.mesh[at + 1, c], face, u, v)), face, u, v)
         return phi, n, before
 
     @wp.func
