@@ -32,6 +32,8 @@ from wsim.kernels.math.real import types
 MOST = 128             # faces of a list: one with more is no faster than the tree
 AHEAD = 2.0            # of the motion that a point would have until its list ends, at the speed that it has when it is made
 HALVES = 3             # tries with less to spare
+AWAY = 24.0            # substeps like this one that a distance is to hold for
+HOLD = 8               # substeps behind one that was near in which no distance is measured
 
 
 @wp.func
@@ -107,6 +109,47 @@ def refresh(real):
                 wp.atomic_max(L.wanted, 0, wp.min(L.count[at], MOST))
 
     return refresh
+
+
+@wp.func
+def deform(c: Any, L: Any, o: int, i: int, k: int):
+    """Takes off from what a point i of object o is known to be far by what meshes move in their own frames in substep k."""
+    for row in range(c.first[o], c.first[o + 1]):
+        s = L.slot[row]
+        if s >= 0:
+            L.radius[s * L.w.shape[0] + i] -= float(c.stride[k, row])
+
+
+@cache
+def far(real):
+    """Function (c, L, row, i, k, ends, near): True if no face of a mesh is within `near` of point i where it ends; False: it is
+    not known. A distance D from q holds as long as |q1 - q| + near <= D; it is measured anew where it does not, but for the
+    next HOLD substeps where the mesh was near. L: place q, radius D less what the mesh has moved, count: substeps to wait."""
+    Rows = tables(real)[0]
+
+    @wp.func
+    def far(c: Rows, L: Any, row: int, i: int, k: int, ends: wp.types.matrix((2, 3), real), near: real):
+        at = L.slot[row] * L.w.shape[0] + i
+        q = wp.vec3f(ends[1])
+        rounded = SLACK * wp.max(wp.abs(q))
+        if L.count[at] > 0:
+            L.count[at] -= 1
+            return False
+        if wp.length(q - L.place[at]) + float(near) + rounded <= L.radius[at]:
+            return True
+        most = float(near) + AWAY * (float(wp.length(ends[1] - ends[0])) + float(c.stride[k, row])) + float(c.skin)
+        dist = float(most)
+        found = wp.mesh_query_point_no_sign(c.mesh[row], q, most)
+        if found.result:
+            dist = wp.length(q - wp.mesh_eval_position(c.mesh[row], found.face, found.u, found.v))
+        L.place[at] = q
+        L.radius[at] = dist - SLACK * dist - rounded
+        if float(near) + rounded <= L.radius[at]:
+            return True
+        L.count[at] = HOLD
+        return False
+
+    return far
 
 
 @wp.func

@@ -150,14 +150,18 @@ def ahead(real):
 
 
 @cache
-def against(kinds: tuple[str, ...], real, listed: bool = False):
+def against(kinds: tuple[str, ...], real, listed: bool = False, cleared: bool = False):
     """Function (c, points, at: row, i and k, deep, x, d) -> (C, margin, s0, n, way) of point i and the collider of a row in
-    substep k. They have a contact where C < margin; n and way are found only there. listed: faces of meshes by lists."""
+    substep k. They have a contact where C < margin; n and way are found only there. listed: faces of meshes by lists.
+    cleared: meshes that a point is known to be far from are not asked (kernels/contact/candidates.py)."""
     t, (shapes, meshes), (Rows, Points) = types(real), collide.split(kinds), tables(real)
     touch, (inside, outside) = collide.touch(shapes if listed else kinds, real), frames(real)
     if listed:
         from wsim.kernels.contact import candidates
         among, refresh = candidates.touch_listed(meshes, real), candidates.refresh(real)
+    if cleared:
+        from wsim.kernels.contact.candidates import far
+        is_far = far(real)
 
     @wp.func
     def against(c: Rows, points: Points, at: wp.vec3i, deep: int, x: t.vec3, d: t.vec3):
@@ -169,6 +173,10 @@ def against(kinds: tuple[str, ...], real, listed: bool = False):
         q0, q1 = inside(T0, T1, x, d)
         margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
         r = points.reach[i] + c.gap[row] - c.width                     # the hard contact behind a potential
+        if cleared:
+            if c.kind[row] >= SOLID and deep == 0:
+                if is_far(c, points, row, i, k, wp.matrix_from_rows(q0, q1), margin + r):
+                    return real(1.0e30), margin, real(0.0), t.vec3(), t.vec3()
         C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
         if listed:
             if c.kind[row] >= SOLID:
@@ -185,14 +193,16 @@ def against(kinds: tuple[str, ...], real, listed: bool = False):
 
 
 @cache
-def finding(kinds: tuple[str, ...], real, broad: bool = False, listed: bool = False):
+def finding(kinds: tuple[str, ...], real, broad: bool = False, listed: bool = False, cleared: bool = False):
     """Function (c, points, s, at: i, k and deep, x0, d0, push) -> carried: contacts of point i in substep k, and how far it is
     carried out of overlaps [m]; writes the slots and the mark of the point, and zeros its pushes. Other arguments: `search`."""
     t, (Rows, Points) = types(real), tables(real)
-    Slots, meet, near = slots(real), against(kinds, real, listed), ahead(real) if broad else None
+    Slots, meet, near = slots(real), against(kinds, real, listed, cleared), ahead(real) if broad else None
     vectors = wp.array(dtype=t.vec3)
     if listed:
         from wsim.kernels.contact.candidates import ends
+    if cleared:
+        from wsim.kernels.contact.candidates import deform
 
     @wp.func
     def keep(s: Slots, j: int, row: int, n: t.vec3, b: real, u: t.vec3, push: vectors):
@@ -209,6 +219,8 @@ def finding(kinds: tuple[str, ...], real, broad: bool = False, listed: bool = Fa
         o = points.object[i]
         if listed:
             ends(points, i, k)
+        if cleared:
+            deform(c, points, o, i, k)
         if points.w[i] > real(0.0):
             bound = real(2.0) * wp.length(d0) + points.reach[i] + c.skin
             first = int(c.first[o])
@@ -246,14 +258,15 @@ def finding(kinds: tuple[str, ...], real, broad: bool = False, listed: bool = Fa
 
 
 @cache
-def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bool = False):
+def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bool = False, cleared: bool = False):
     """Kernel over points: contacts of substep k. Reads x, d, a. broad: colliders are found by the tree of the table. listed:
-    faces of meshes by lists, see kernels/contact/candidates.py.
+    faces of meshes by lists, see kernels/contact/candidates.py; cleared: as `against`.
 
     d_out, a_out   written where a point is carried out of an overlap       push_out   of its contacts: zeroed
     struck_out     (may be None) not 0 where a point is in an overlap"""
-    t, name = types(real), f"search_{'_'.join(kinds)}_{types(real).name}{'_tree' * broad}{'_listed' * listed}"
-    (Rows, Points), Slots, Read, find = tables(real), slots(real), read(real), finding(kinds, real, broad, listed)
+    t, how = types(real), f"{'_tree' * broad}{'_listed' * listed}{'_cleared' * cleared}"
+    name = f"search_{'_'.join(kinds)}_{t.name}{how}"
+    (Rows, Points), Slots, Read, find = tables(real), slots(real), read(real), finding(kinds, real, broad, listed, cleared)
     vectors = wp.array(dtype=t.vec3)
 
     def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,

@@ -64,21 +64,38 @@ class Tree:
 def listed(contacts) -> None:
     """Lets the search of `contacts` (`wsim.physics.contact.contacts.Contacts`) list faces, where an object has meshes: for
     substeps that are many and short."""
-    rows = contacts.rows
-    slot = np.full(len(rows.collider), -1, np.int32)
-    for first, last in zip(rows.first[:-1], rows.first[1:], strict=True):
-        meshes = [r for r in range(first, last) if rows.meshes[rows.collider[r]] is not None]
-        slot[meshes] = np.arange(len(meshes))
-    size = (int(slot.max(initial=-1)) + 1) * contacts.count
+    size = _meshes_of(contacts)
     if not size:
         return
     p, device = contacts.points, contacts.device
-    p.every, p.slot = EVERY, wp.array(slot, dtype=int, device=device)
+    p.every = EVERY
     p.count, p.place = (wp.zeros(size, dtype=kind, device=device) for kind in (int, wp.vec3f))
     p.radius = wp.full(size, -1.0, dtype=float, device=device)
     p.wanted = wp.zeros(1, dtype=int, device=device)
     roomier(p, ROOM)
     contacts.searches(listed=True)
+
+
+def cleared(contacts) -> None:
+    """Lets the search of `contacts` pass over meshes that a point is known to be far from."""
+    p, size = contacts.points, _meshes_of(contacts)
+    if size and contacts.tree is None:
+        device = contacts.device
+        p.count, p.place = (wp.zeros(size, dtype=kind, device=device) for kind in (int, wp.vec3f))
+        p.radius = wp.zeros(size, dtype=float, device=device)
+        contacts.cleared = True
+        contacts.searches()
+
+
+def _meshes_of(contacts) -> int:
+    """Numbers the meshes of each object; slots of all points."""
+    rows = contacts.rows
+    slot = np.full(len(rows.collider), -1, np.int32)
+    for first, last in zip(rows.first[:-1], rows.first[1:], strict=True):
+        meshes = [r for r in range(first, last) if rows.meshes[rows.collider[r]] is not None]
+        slot[meshes] = np.arange(len(meshes))
+    contacts.points.slot = wp.array(slot, dtype=int, device=contacts.device)
+    return (int(slot.max(initial=-1)) + 1) * contacts.count
 
 
 def roomier(p, wanted: int) -> bool:

@@ -65,6 +65,7 @@ class Contacts:
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
         self.zero: Callable = wp.array.zero_
+        self.cleared = False                             # `wsim.physics.contact.broad.cleared`
         self.search_kernel: Any = None                   # see `searches`
         self.adjoint: Any = None                         # `wsim.physics.contact.contacts_adjoint.ContactAdjoint`
         self.edges: Any = None                           # `wsim.physics.cloth.edge_contacts.EdgeContacts`
@@ -100,7 +101,7 @@ class Contacts:
 
     def searches(self, listed: bool = False) -> None:
         """Makes the kernel of the search, which reads lists of faces (`wsim.physics.contact.broad.listed`) or none."""
-        self.search_kernel = search.search(self.kinds, self.real, self.module, self.tree is not None, listed)
+        self.search_kernel = search.search(self.kinds, self.real, self.module, self.tree is not None, listed, self.cleared)
 
     def _array(self, given, dtype) -> wp.array:
         return given if isinstance(given, wp.array) else wp.array(np.ascontiguousarray(given), dtype=dtype, device=self.device)
@@ -230,6 +231,8 @@ class Contacts:
         self.adjoint.shaped(k) if self.recorded else self.shape(k, loop)
         if k == 1 and self.adjoint is None and "solid" in self.kinds:
             self.zero(self.table.deep)                   # what started inside is marked, and looked for as deep as before
+        if k == 0 and self.cleared:
+            self.zero(self.points.radius)                # distances of a frame before
         if self.search_kernel is None:
             self.searches()
         at, table = self.read(x=x, d=d, a=a, k=0 if loop else k), loop.table(self.table, ROWS) if loop else self.table

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from wsim.model.status import Status
     from wsim.simulation.methods import Build
 
+CLEARED = 16           # substeps of a frame from which points pass over meshes that they are known to be far from
 ROOM = "contacts wanted by a point"       # status word, where there was not room for as many
 FACES = "faces near a point"              # status word, of a mesh collider, where lists have not room for as many
 
@@ -126,6 +127,9 @@ class Contact(Method):
         if explicit and self.contacts.meshes and not self.model.gradients:
             from wsim.physics.contact import broad
             broad.listed(self.contacts)
+        elif self.contacts.meshes and self.movers is None and not self.model.gradients and self.contacts.substeps >= CLEARED:
+            from wsim.physics.contact import broad
+            broad.cleared(self.contacts)
         if self.contacts.search_kernel is None:
             self.contacts.searches()
         if edged:
