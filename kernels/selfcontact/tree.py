@@ -206,13 +206,18 @@ def lay(real, module):
 
 @cache
 def join(module):
-    """Kernel: boxes of the nodes from `first` to 2 first - 1 of all worlds, of those below them."""
+    """Kernel: boxes of the nodes from `first` to 2 first - 1 of all worlds, and of `levels` - 1 levels below them, of those
+    below these. A thread takes what is below its node: a launch for some levels."""
     @wp.kernel(module=module, enable_backward=False)
-    def join_boxes(first: int, to: Tree):
+    def join_boxes(first: int, levels: int, to: Tree):
         j = wp.tid()
         root = (j / first) * 2 * to.leaves
-        node = first + j % first
-        to.box[root + node] = joined(box(to.box, root + 2 * node), box(to.box, root + 2 * node + 1))
+        width = (1 << levels) / 2
+        while width > 0:
+            begin = (first + j % first) * width
+            for node in range(begin, begin + width):
+                to.box[root + node] = joined(box(to.box, root + 2 * node), box(to.box, root + 2 * node + 1))
+            width = width / 2
 
     return join_boxes
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from wsim.model.model import Model
     from wsim.physics.selfcontact.surfaces import Surfaces
 
+LEVELS = 3             # of a tree that one launch fits
 EMPTY = 1e30           # of the boxes of empty leaves, which end before they begin [m]
 
 
@@ -59,5 +60,6 @@ class Tree:
         launch, leaves = self.model.launch, self.leaves
         launch(self.lay, len(self.tree.item), [self.surfaces.data, frames, self.kind], [self.tree])
         while leaves > 1:
-            leaves //= 2
-            launch(self.join, leaves * self.model.worlds, [leaves], [self.tree])
+            levels = min(LEVELS, leaves.bit_length() - 1)
+            leaves >>= levels
+            launch(self.join, leaves * self.model.worlds, [leaves, levels], [self.tree])
