@@ -1,8 +1,10 @@
 """Runs a scene, frame by frame. A frame is a transaction: it is committed whole or repeated.
 
-All substeps of a frame are captured once as a graph and replayed. After each frame one small status word is read; where it
-says that a buffer overflowed, a residual was missed or a position is no number, the frame's snapshot is restored, the buffer
-grown or the variant switched, the graph captured again and the frame repeated. Nothing is dropped in silence.
+All substeps of a frame are captured once as a graph and replayed; where all launch the same, they are a loop in it
+(`wsim.model.launches.Loop`). After each frame one small status word is read; where it says that a buffer overflowed, a residual
+was missed or a position is no number, the frame's snapshot is restored, the buffer grown or the variant switched, and the frame
+repeated: by a new graph if the old one knows what has changed (`wsim.simulation.measure.captures`). Nothing is dropped in
+silence.
 """
 
 import time
