@@ -1,9 +1,12 @@
-"""Marks of kernels: properties that other code relies on.
+"""Marks of kernels and functions: properties that other code relies on.
 
     own      there is one thread a point, and of the arrays that change it reads and writes only the entries of its own point.
              Several such kernels may follow each other without a barrier (wsim/physics/fused/program.py)
     whole    a launch writes every entry of its outputs that is read later. On a tape (wsim/model/tape.py) the outputs need not
              start as copies of their old values
+    called   a function that stands by itself on a GPU, too (wsim/model/compiler/variants.py): a long one with few bytes given.
+             Compilers put functions in wherever they are called, and again where they cut a loop in two. With hulls,
+             rigid_collide takes NVRTC 41 CPU-s so, and 20 where the manifold of a pair is called
 """
 
 
@@ -17,3 +20,9 @@ def whole(kernel):
     """Marks a kernel: a launch writes all of its outputs."""
     kernel.whole = True
     return kernel
+
+
+def called(function):
+    """Marks a function of Warp: it stands by itself, on every device."""
+    function.inline_hint = "called"
+    return function

@@ -9,6 +9,7 @@ counts.
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -25,6 +26,7 @@ class Launches:
     step: str
     modules: dict[str, int]
     device: Any
+    real: Any
     tape: Any
     recorder: Any
     fuser: Any
@@ -90,6 +92,14 @@ class Launches:
         """Module of kernels with blocks of so many threads, on CUDA. part: name of one of several, compiled side by side."""
         name = f"{self.module}_{threads}" + f"_{part}" * bool(part)
         self.modules[name] = threads
+        return name
+
+    def shared_module(self, part: str, *what, threads: int = 0) -> str:
+        """Module of kernels that depend on nothing of a scene but `what`: the cache of kernels has it once for all scenes.
+        threads: of a block, on CUDA; 0: as other kernels have. part: its kernels, in a word."""
+        digest = hashlib.blake2b(repr((self.real.__name__, *what)).encode(), digest_size=6).hexdigest()
+        name = f"wsim_{part}_{digest}"
+        self.modules[name] = (threads or self.block) if self.device.is_cuda else 1
         return name
 
     def launch_blocks(self, kernel, blocks: int, threads: int, inputs: list, outputs: list) -> None:

@@ -82,11 +82,16 @@ def islands(real):
     return placed, begun, solve, relax
 
 
-def launched(real, module) -> dict:
-    """Kernels of the same passes, each a launch: begun and ended of bodies, and those of islands, a thread each."""
-    Rig = whole(real)
+def launched(real, places: str, joins: str, looses: str) -> dict:
+    """Kernels of the same passes, each a launch: placed, begun and ended of bodies, and those of islands, a thread each.
+
+    places, joins, looses: names of modules, compiled side by side; the second and third solve for impulses."""
+    Rig, (_, place, _) = whole(real), over_bodies(real)
     begin, _, end = bodies(real)
     line, clear, join, loose = islands(real)
+
+    def linked_placed(threads: int, k: int, rig: Rig):
+        place(wp.tid(), threads, k, rig)
 
     def linked_begun(threads: int, h: real, rig: Rig, J: Linked):
         begin(wp.tid(), threads, h, rig, J)
@@ -106,9 +111,29 @@ def launched(real, module) -> dict:
     def linked_loosed(k: int, h: real, rig: Rig, J: Linked):
         loose(wp.tid(), J.t.first_joint.shape[0], k, h, rig, J)
 
-    every = (linked_begun, linked_ended, linked_lined, linked_reset, linked_joined, linked_loosed)
+    every = {places: (linked_placed, linked_begun, linked_ended, linked_lined, linked_reset),
+             joins: (linked_joined,), looses: (linked_loosed,)}
     return {f.__name__.removeprefix("linked_"): wp.kernel(f, name=f.__name__, module=module, enable_backward=False)
-            for f in every}
+            for module, fs in every.items() for f in fs}
+
+
+def contact_passes(kinds, real, module, meet, threads: int = 0, cluster: int = 0):
+    """Kernel of one pass over all contacts, by so many threads that `meet`: which is 0 prepare, 1 warm, 2 solve."""
+    Rig, w = whole(real), walks(kinds, real, meet, False)
+    prepare, warm, solve = w.prepare, w.warm, w.solve
+
+    def rigid_contact_pass(which: int, threads: int, k: int, h: real, biased: int, rig: Rig):
+        i = wp.tid()
+        if which == 0:
+            prepare(i, threads, k, h, biased, rig)
+        elif which == 1:
+            warm(i, threads, k, h, biased, rig)
+        else:
+            solve(i, threads, k, h, biased, rig)
+
+    more = {"launch_bounds": threads} if threads else {}
+    return wp.kernel(rigid_contact_pass, name="rigid_contact_pass", module=module, enable_backward=False, grid_stride=False,
+                     **more, **({"cluster_dim": cluster} if cluster else {}))
 
 
 def linked(kinds, real, module, meet, threads: int = 0, cluster: int = 0, bouncing: bool = False):

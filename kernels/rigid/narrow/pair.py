@@ -13,6 +13,7 @@ from itertools import combinations_with_replacement
 import warp as wp
 
 from wsim.kernels.contact.shape import BOX, CAPSULE, CONE, CYLINDER, PLANE, SPHERE, distance
+from wsim.kernels.math.marks import called
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.lists.manifold import making, manifold
@@ -176,6 +177,7 @@ def narrow(pairs: frozenset[tuple[str, str]], real):
     made = ordered(pairs, real)
     _single, flipped, turned = making(real)
 
+    @called
     @wp.func
     def narrow(a: Shape, b: Shape, H: Hulls, pose_a: t.transform, pose_b: t.transform, margin: real):
         first = a

@@ -20,6 +20,7 @@ import warp as wp
 
 from wsim.kernels.contact.shape import CAPSULE, CONE, CYLINDER, SPHERE
 from wsim.kernels.math.eigen import identity
+from wsim.kernels.math.marks import called
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists.manifold import manifold
 from wsim.kernels.rigid.narrow.clip import BIAS, structs
@@ -127,6 +128,7 @@ def against(kinds: frozenset[str], real):
     near_of, completed = facing(every, real), completion(every, real, True)
     corners, _normal = reading(real)
 
+    @called
     @wp.func
     def against(a: Shape, H: Hulls, S: Surfaces, where: wp.vec2i, R: t.mat33, c: t.vec3, margin: real):
         m = Manifold()

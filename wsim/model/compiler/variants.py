@@ -9,7 +9,7 @@ Functions that stand by themselves, `wp.func(inline=False)`, are long ones: thos
 rigid bodies, and passes over islands of joints. Put into what calls them, as Warp has all functions, they make kernels of such
 a size that LLVM takes up to twice as long: it simplifies what is called at three levels once for each. The bits are the same,
 and since structs go by reference (`wsim.model.compiler.source`) a call costs no copy. On a GPU, where a call spills what
-registers hold, none does: the word is left out there.
+registers hold, those alone do that are marked `called` (wsim/kernels/math/marks.py): the word is left out for others.
 """
 
 import os
@@ -26,7 +26,7 @@ from wsim.model.compiler import header, source
 from wsim.model.warp_private import PLAIN, build, codegen
 
 QUESTION = "cpu_linear_contiguous_specialization_candidate"
-WORDS, APART = "_INLINE_ATTRS", "noinline"
+WORDS, APART, CALLED = "_INLINE_ATTRS", "noinline", "called"
 BUILD = "build_cpu"
 TOLD: list[str] = []             # not empty: this process has been told that its Warp is not as known here
 
@@ -41,8 +41,8 @@ def single(cpu: bool = True) -> Iterator[None]:
         warn_once(f"lacks {', '.join(lacking)}")
     if answer is not None:
         setattr(codegen, QUESTION, lambda adj, block_dim: False)
-    if words is not None and not cpu:
-        setattr(codegen, WORDS, {word: code for word, code in words.items() if word != APART})
+    if words is not None and APART in words:
+        setattr(codegen, WORDS, {w: code for w, code in words.items() if cpu or w != APART} | {CALLED: words[APART]})
     if compiled is not None:
         setattr(build, BUILD, partial(rewritten, compiled))
     try:

@@ -3,7 +3,7 @@
     listed      one thread, manifold by manifold, all substeps in a launch (CPU)
     coloured    one thread, colour by colour: the bits of the forms below (CPU, asked for by name)
     block       a block, colour by colour, whose threads meet after each; all substeps in a launch
-    cluster     a cluster of blocks, as a block
+    cluster     a cluster of blocks, as a block; beside joints both launch each pass, since one kernel took minutes to compile
     launches    a launch for each pass and colour
 """
 
@@ -24,6 +24,8 @@ SMALL = 256               # shapes up to which a block has a thread for each man
 HUGE = 768                # shapes from which one cluster is few (H200: 1000 in a pile 12.3 ms a frame against 10.9 by launches,
 #                           3000 14.3 and 11.9, 10 000 in columns 5.1 and 3.8; 55 in a pyramid 3.4 and 5.1)
 WALKERS = {True: 16384, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
+PASSES = "prepare", "warm", "solve"              # as `contact_passes` of kernels/rigid/joint/passes.py numbers them
+JOINTS = "joint_places", "joint_impulses", "joint_relaxation"           # modules of the passes of joints
 TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread, colour by colour",
           "block": f"a block of {THREADS} threads, colour by colour", "cluster": "", "launches": "a launch for each colour"}
 
@@ -45,6 +47,7 @@ class Form:
     tolerance: float = 0.0                            # [m/s] of the residual at which sweeps end; 0: their number is given
     module: str = ""                                  # of their kernels
     sizes: dict[str, int] = field(default_factory=dict)
+    apart: bool = False                               # each pass beside joints is a launch, as always on a GPU
 
     def __post_init__(self):
         if self.name not in TITLES:
@@ -69,10 +72,12 @@ class Form:
         self.threads = THREADS * self.blocks if self.wide else 1
         self.meet = meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
         self.sizes = sizes = {"threads": THREADS * self.wide, "cluster": self.blocks if self.blocks > 1 else 0}
-        self.module = module = model.module_of(THREADS) if self.wide else model.module
+        of = self.coloured, self.tolerance > 0.0, bouncing, bool(linked), self.blocks
+        self.module = module = model.shared_module("rigid_steps", *of, threads=THREADS * self.wide)
         self.kinds = [soft_step.contact_kind(real, self.coloured, self.tolerance > 0.0)]
         if self.coloured:
-            self.kernels["colours"] = colours.colours(real, module, meet, **sizes)
+            own = model.shared_module("rigid_colours", self.blocks, threads=THREADS * self.wide)
+            self.kernels["colours"] = colours.colours(real, own, meet, **sizes)
         if self.tolerance > 0.0 and model.gradients:
             from wsim.kernels.rigid.complementarity.parts import converged_parts
             self.kernels["parts"] = converged_parts(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
@@ -81,32 +86,36 @@ class Form:
             from wsim.kernels.rigid.complementarity.converged import converged
             self.kernels["converged"] = converged(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
+        if linked and bouncing:
+            from wsim.kernels.rigid.joint.impacts import linked_thrown
+            own = model.shared_module("rigid_impacts", *of, threads=THREADS * self.wide)
+            self.kernels["thrown"] = linked_thrown(self.kinds, real, own, meet, **sizes)
+        elif bouncing and self.name == "launches":
+            self.kernels["thrown"] = launches.thrown(self.kinds, real, module, meet, **sizes)
+        if linked and (self.wide or self.apart or self.name == "launches"):
+            from wsim.kernels.rigid.joint.passes import contact_passes, launched
+            self.kernels |= launched(real, *map(model.shared_module, JOINTS))
+            if self.name != "launches":
+                self.kernels["contacts"] = contact_passes(self.kinds, real, module, meet, **sizes)
+                return
+        elif self.name == "launches":
+            self.kernels |= dict(zip(("begun", "placed", "ended"), launches.of_bodies(real, model.module), strict=True))
         if self.name != "launches":
             steps = passes.substeps
             if linked:
                 from wsim.kernels.rigid.joint.passes import linked as steps
-                if bouncing:
-                    from wsim.kernels.rigid.joint.impacts import linked_thrown
-                    own = model.module_of(THREADS if self.wide else 1, "impacts")
-                    self.kernels["thrown"] = linked_thrown(self.kinds, real, own, meet, **sizes)
             self.kernels["substeps"] = steps(self.kinds, real, module, meet, bouncing=bouncing, **sizes)
             return
-        if bouncing:
-            thrown = launches.thrown
-            if linked:
-                from wsim.kernels.rigid.joint.impacts import linked_thrown as thrown
-            self.kernels["thrown"] = thrown(self.kinds, real, module, meet, **sizes)
-        self.kernels |= dict(zip(("begun", "placed", "ended"), launches.of_bodies(real, model.module), strict=True))
-        if linked:
-            from wsim.kernels.rigid.joint.passes import launched
-            self.kernels |= launched(real, model.module)
         rest = block.meet if self.wide else block.alone
         self.of = [launches.of_kind(kind, real, model.module, module, rest, sizes["threads"]) for kind in self.kinds]
 
     def parts(self, make, bouncing: bool, **more) -> Any:
-        """Kernels of threads that meet of another cut of a substep (`wsim.kernels.rigid.touch.step`)."""
+        """Kernels of threads that meet of another cut of a substep (`wsim.kernels.rigid.touch.step`), in place of those of a
+        whole one, which are not compiled then."""
+        self.model.modules.pop(self.module, None)
         meet = block.meet_cluster if self.blocks > 1 else block.meet if self.wide else block.alone
-        module = self.model.module_of(THREADS) if self.wide else self.model.module
+        what = make.__name__, self.coloured, self.tolerance > 0.0, bouncing, self.blocks, *sorted(more.items())
+        module = self.model.shared_module("rigid_parts", *what, threads=THREADS * self.wide)
         return make(self.kinds, self.model.real, module, meet, threads=THREADS * self.wide,
                     cluster=self.blocks if self.blocks > 1 else 0, bouncing=bouncing, **more)
 
@@ -128,7 +137,7 @@ class Form:
         if self.tolerance > 0.0:
             self.launch(self.kernels["converged"], [wp.vec3i(*steps), h, self.threads, self.tolerance, rig], [])
             return
-        if self.name != "launches":
+        if "substeps" in self.kernels:
             if "thrown" in self.kernels:
                 if steps[0] == 0:
                     self.launch(self.kernels["substeps"], [wp.vec3i(0, 0, steps[2]), h, self.threads, rig, *joints], [])
@@ -169,10 +178,14 @@ class Form:
         self.model.launch(self.kernels[name], self.walkers, [self.walkers, *given], [])
 
     def prepare(self, k: int, rig) -> None:
+        if "contacts" in self.kernels:
+            self.launch(self.kernels["contacts"], [PASSES.index("prepare"), self.threads, k, 0.0, 0, rig], [])
         for kernels in self.of:
             self.model.launch(kernels.prepare, self.walkers, [self.walkers, k, rig], [])
 
     def sweep(self, name: str, k: int, h: float, biased: int, rig) -> None:
+        if "contacts" in self.kernels:
+            self.launch(self.kernels["contacts"], [PASSES.index(name), self.threads, k, h, biased, rig], [])
         for kernels in self.of:
             for colour in range(launches.LAUNCHED):
                 self.model.launch(getattr(kernels, name), self.walkers, [colour, self.walkers, k, h, biased, rig], [])
@@ -180,12 +193,14 @@ class Form:
 
     def launches(self, steps: int, sweeps: int) -> int:
         """Number of launches of a frame of so many substeps."""
+        thrown = "thrown" in self.kernels
+        if "contacts" in self.kernels:
+            return 3 + steps * (1 + thrown + 10 + 2 * sweeps)
         if self.name != "launches":
-            return (1 + self.coloured + ("thrown" in self.kernels)) * steps + ("thrown" in self.kernels)
+            return (1 + self.coloured + thrown) * steps + thrown
         kinds = len(self.of)
         more = bool(self.islands) * (1 + steps * (5 + sweeps))
-        return more + 2 + kinds + steps * (3 + kinds + ("thrown" in self.kernels)
-                                          + kinds * (sweeps + 2) * (launches.LAUNCHED + 1))
+        return more + 2 + kinds + steps * (3 + kinds + thrown + kinds * (sweeps + 2) * (launches.LAUNCHED + 1))
 
 
 def chosen(device, shapes: int) -> Form:

@@ -81,7 +81,8 @@ class Sleep:
     def make(self, form) -> None:
         """Makes its kernels, as the passes of this form are launched."""
         self.form = form
-        self.kernel = sleep.sleep(self.model.real, form.module, form.meet, **form.sizes)
+        module = self.model.shared_module("rigid_sleep", form.blocks, threads=form.sizes["threads"])
+        self.kernel = sleep.sleep(self.model.real, module, form.meet, **form.sizes)
         self.counted = sleep.counted(self.model.real, self.model.module)
 
     def arrays(self, bodies: int) -> dict[str, wp.array]:

@@ -1,12 +1,12 @@
 """Contacts of rigid bodies with each other and with colliders: tables of shapes, lists that grow, and the launches of a frame.
 
-Pairs that may meet are listed LISTED times a second, and as soon as a body goes farther than the list allows for. In every
-substep, manifolds that their bodies' motion has made stale are made again (kernels/rigid/lists), and passes over bodies and
-manifolds follow (kernels/rigid/passes.py), in the form that device and size ask for (wsim/physics/rigid/forms.py). Impulses
-that substeps begin with are a part of the state, so that a repeated frame and a restart have them. Friction is the mean of both
-colliders, restitution the larger.
+Pairs that may meet are listed LISTED times a second, and when a body goes farther than the list allows for. In every substep,
+manifolds that their bodies' motion has made stale are made again (kernels/rigid/lists), and passes over bodies and manifolds
+follow (kernels/rigid/passes.py), in the form of wsim/physics/rigid/forms.py. The impulses of a substep's start are part of the
+state, for repeated frames and restarts. Friction is the mean of both colliders, restitution the larger.
 """
 
+from functools import partial
 from math import ceil
 from typing import Any
 
@@ -61,10 +61,11 @@ class Contacts:
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.pairs = frozenset(p for p in met if p[1] != "mesh")
-        self.collide = collide.collide(self.pairs | with_cores(self.pairs), real, module)
-        self.on_meshes = collide_mesh.collide_mesh(on_meshes, real, module) if on_meshes else None
-        tiles = seams(b.scene)
-        self.flush = flush.flush(tiles - {"mesh"}, real, module) if tiles else []
+        pairs, tiles, shared = self.pairs | with_cores(self.pairs), seams(b.scene), b.model.shared_module
+        self.collide = collide.collide(pairs, real, shared("rigid_pairs", *sorted(pairs)))
+        made = partial(collide_mesh.collide_mesh, on_meshes, real)
+        self.on_meshes = made(shared("rigid_meshes", *sorted(on_meshes))) if on_meshes else None
+        self.flush = flush.flush(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
         if method.sleep:

@@ -227,7 +227,8 @@ class Joints:
     def passes(self):
         """Function (name, what is given, contacts) that launches a pass of the islands (kernels/rigid/joint/passes.py)."""
         from wsim.kernels.rigid.joint.passes import launched
-        kernels = launched(self.model.real, self.model.module)
+        from wsim.physics.rigid.forms import JOINTS
+        kernels = launched(self.model.real, *map(self.model.shared_module, JOINTS))
 
         def run(name: str, given, contacts) -> None:
             first = given if isinstance(given, tuple) else (given,)
