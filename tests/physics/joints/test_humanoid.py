@@ -94,7 +94,7 @@ def test_a_hinge_with_a_strong_damper_hardly_moves():
 
 @pytest.mark.slow
 def test_eleven_boxes_of_the_default_density_fall_and_rest():
-    scene = load(ASSETS / "boxes_falling_on_groundplane.usda")
+    scene = load(ASSETS / "boxes_falling_on_groundplane.usda", frames=600)
     assert len(scene.things("Body")) == 11 and abs(sum(b.mass for b in scene.things("Body")) - 11000.0) < 1e-2
     sim = Simulation(scene, **CPU)
     sim.run(int(10.0 * scene.fps))
