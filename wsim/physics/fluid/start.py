@@ -53,7 +53,7 @@ def _needs(domain: Any, kind: str, scene: Scene) -> Iterator[tuple[float, str]]:
         n = speed / fps / (domain.cfl * cell)
         yield n, f"{path} moves at {speed:g} m/s, which needs {_whole(n)} steps a frame at a CFL number of {domain.cfl:g}"
     if kind == "Liquid":
-        from wsim.physics.fluid.liquid.objects import GIVEN, WAVE              # not in scenes of air
+        from wsim.physics.fluid.liquid.objects import GIVEN, WAVE  # not in scenes of air
         pull = float(np.abs(np.asarray(scene.gravity)[list(domain.axes)]).max(initial=0.0))
         n = np.sqrt(np.pi * pull / cell) / WAVE / fps
         yield n, f"waves of its surface need {_whole(n)} steps a frame"
