@@ -13,6 +13,8 @@ from wsim.kernels.rigid.motion import double3, kicked
 from wsim.kernels.rigid.passes import over_bodies, walks
 from wsim.kernels.rigid.soft_step import body_steps
 
+MODULES = "joint_places", "joint_impulses", "joint_relaxation"       # names of the modules that `launched` asks for
+
 
 def bodies(real):
     """(begun, placed, ended) as `over_bodies`; bodies of joints are placed by what joints expect."""
@@ -85,7 +87,7 @@ def islands(real):
 def launched(real, places: str, joins: str, looses: str) -> dict:
     """Kernels of the same passes, each a launch: placed, begun and ended of bodies, and those of islands, a thread each.
 
-    places, joins, looses: names of modules, compiled side by side; the second and third solve for impulses."""
+    places, joins, looses: modules of MODULES, compiled side by side; the second and third solve for impulses."""
     Rig, (_, place, _) = whole(real), over_bodies(real)
     begin, _, end = bodies(real)
     line, clear, join, loose = islands(real)

@@ -25,7 +25,6 @@ HUGE = 768                # shapes from which one cluster is few (H200: 1000 in 
 #                           3000 14.3 and 11.9, 10 000 in columns 5.1 and 3.8; 55 in a pyramid 3.4 and 5.1)
 WALKERS = {True: 16384, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
 PASSES = "prepare", "warm", "solve"              # as `contact_passes` of kernels/rigid/joint/passes.py numbers them
-JOINTS = "joint_places", "joint_impulses", "joint_relaxation"           # modules of the passes of joints
 TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread, colour by colour",
           "block": f"a block of {THREADS} threads, colour by colour", "cluster": "", "launches": "a launch for each colour"}
 
@@ -93,8 +92,8 @@ class Form:
         elif bouncing and self.name == "launches":
             self.kernels["thrown"] = launches.thrown(self.kinds, real, module, meet, **sizes)
         if linked and (self.wide or self.apart or self.name == "launches"):
-            from wsim.kernels.rigid.joint.passes import contact_passes, launched
-            self.kernels |= launched(real, *map(model.shared_module, JOINTS))
+            from wsim.kernels.rigid.joint.passes import MODULES, contact_passes, launched
+            self.kernels |= launched(real, *map(model.shared_module, MODULES))
             if self.name != "launches":
                 self.kernels["contacts"] = contact_passes(self.kinds, real, module, meet, **sizes)
                 return

@@ -2,8 +2,8 @@
 
 Pairs that may meet are listed LISTED times a second, and when a body goes farther than the list allows for. In every substep,
 manifolds that their bodies' motion has made stale are made again (kernels/rigid/lists), and passes over bodies and manifolds
-follow (kernels/rigid/passes.py), in the form of wsim/physics/rigid/forms.py. The impulses of a substep's start are part of the
-state, for repeated frames and restarts. Friction is the mean of both colliders, restitution the larger.
+follow (kernels/rigid/passes.py), in the form of wsim/physics/rigid/forms.py. Impulses at the start of a substep are state.
+Friction is the mean of both colliders, restitution the larger.
 """
 
 from functools import partial
@@ -56,15 +56,14 @@ class Contacts:
         if any(b.scene.things(name) for name in ("Joint", "Group", "FilteredPairs")):
             from wsim.physics.rigid.joints.filters.groups import of_contacts
             self.filters = of_contacts(b.scene, [(method.bodies[k][0].path, of, c.path) for k, of, c in self.owners])
-        real, module = self.real, b.model.module
+        real, module, shared = self.real, b.model.module, b.model.shared_module
         self.keeping = rows.keeping(real, module)
         met = kinds(b.scene.things("Body"), self.colliders)
         on_meshes = frozenset(one for one, other in met if other == "mesh")
         self.pairs = frozenset(p for p in met if p[1] != "mesh")
-        pairs, tiles, shared = self.pairs | with_cores(self.pairs), seams(b.scene), b.model.shared_module
+        pairs, tiles, meet = self.pairs | with_cores(self.pairs), seams(b.scene), partial(collide_mesh.collide_mesh, on_meshes)
         self.collide = collide.collide(pairs, real, shared("rigid_pairs", *sorted(pairs)))
-        made = partial(collide_mesh.collide_mesh, on_meshes, real)
-        self.on_meshes = made(shared("rigid_meshes", *sorted(on_meshes))) if on_meshes else None
+        self.on_meshes = meet(real, shared("rigid_meshes", *sorted(on_meshes))) if on_meshes else None
         self.flush = flush.flush(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)

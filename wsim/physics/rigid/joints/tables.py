@@ -226,13 +226,12 @@ class Joints:
 
     def passes(self):
         """Function (name, what is given, contacts) that launches a pass of the islands (kernels/rigid/joint/passes.py)."""
-        from wsim.kernels.rigid.joint.passes import launched
-        from wsim.physics.rigid.forms import JOINTS
-        kernels = launched(self.model.real, *map(self.model.shared_module, JOINTS))
+        from wsim.kernels.rigid.joint.passes import MODULES, launched
+        kernels = launched(self.model.real, *map(self.model.shared_module, MODULES))
 
         def run(name: str, given, contacts) -> None:
-            first = given if isinstance(given, tuple) else (given,)
-            self.model.launch(kernels[name], self.islands, [*first, contacts.rig(), self.with_contacts(contacts.work)], [])
+            given = given if isinstance(given, tuple) else (given,)
+            self.model.launch(kernels[name], self.islands, [*given, contacts.rig(), self.with_contacts(contacts.work)], [])
         return run
 
     @property
