@@ -8,7 +8,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
-from wsim.kernels.selfcontact.newton.law import MOST, UNITS, laws, rows_of, summed
+from wsim.kernels.selfcontact.newton.law import AHEAD, MOST, UNITS, laws, rows_of, summed
 from wsim.kernels.solver.line_search import Trial
 
 
@@ -16,7 +16,7 @@ from wsim.kernels.solver.line_search import Trial
 def multiply(real, module):
     """Kernel over rows: sums of the product of their Jacobian with z."""
     t, Surfaces, Pairs, State, Laws = types(real), pairs.surfaces(real), pairs.lists(real), states(real), laws(real)
-    (friction, levers, beside, share, _), add = rows_of(real), summed(real)
+    (friction, levers, beside, share, _, _), add = rows_of(real), summed(real)
     points = wp.types.matrix((4, 3), real)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -58,9 +58,10 @@ def multiply(real, module):
 
 @cache
 def change(real, module):
-    """Kernel over rows: sums of what psi changes by along y, for the parts of a step that a line search looks at."""
+    """Kernel over rows: sums of what psi changes by along y, for the parts of a step that a line search looks at; and which
+    rows that do not push would behind the whole step."""
     t, Surfaces, Pairs, State, Laws = types(real), pairs.surfaces(real), pairs.lists(real), states(real), laws(real)
-    (friction, levers, beside, _, lacking) = rows_of(real)
+    (friction, levers, beside, _, lacking, _) = rows_of(real)
     points = wp.types.matrix((4, 3), real)
     double = wp.float64
 
@@ -97,6 +98,8 @@ def change(real, module):
                 c = double(wp.length(kept - wp.dot(kept, t.vec3(n)) * t.vec3(n)))
                 if friction(s, ids, b)[0] > real(0.0) and near.rho[j] == real(1.0):
                     c = wp.max(c, double(friction(s, ids, b)[0] * wp.dot(kept, t.vec3(n))))
+                if begin == 0 and near.rho[j] < real(0.0):
+                    near.rho[j] = wp.where(wp.dot(P - way, n) > double(0.0), real(AHEAD), real(-1.0))
                 before = energy(n, P, c)
                 size = double(law.rate / (law.ahead * law.ahead)) / (double(2.0) * stiff * unit)
                 part = double(1.0)

@@ -9,6 +9,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.newton.law import (
+    AHEAD,
     BLOCK,
     CHECK,
     DEPTH,
@@ -28,11 +29,13 @@ from wsim.kernels.solver.newton import inverse_of, structs
 
 @cache
 def stiffen(real, module):
-    """Kernel over rows where a substep begins: k. A: the system without contacts. Rows with a strand are not solved for."""
+    """Kernel over rows where a substep begins: k, and `away` with what is passed in it, by the prediction. A: the system
+    without contacts. Rows with a strand are not solved for."""
     t, Surfaces, Pairs, Laws, Matrix = types(real), pairs.surfaces(real), pairs.lists(real), laws(real), structs(real).Matrix
+    State, passed = states(real), rows_of(real)[-1]
 
     @wp.kernel(module=module, enable_backward=False)
-    def stiffen_rows(s: Surfaces, near_at: wp.array(dtype=Pairs), A: Matrix, threads: int, law: Laws):
+    def stiffen_rows(s: Surfaces, at: State, near_at: wp.array(dtype=Pairs), A: Matrix, threads: int, law: Laws):
         near = near_at[0]
         j = wp.tid()
         while j < near.rows[0]:
@@ -51,6 +54,8 @@ def stiffen(real, module):
             near.force[j] = t.vec3()
             if soft > real(0.0):
                 near.stiff[j] = real(STIFF) / (soft * law.rate)
+                away = there[3] + passed(s, at, law, ids, b, n, near.swept[4 * j + pairs.PUSH][3])
+                near.swept[4 * j + pairs.NORMAL] = t.vec4(n[0], n[1], n[2], away)
             j += threads
 
     return stiffen_rows
@@ -60,13 +65,14 @@ def stiffen(real, module):
 def renew(real, module):
     """Kernel over rows at d. act:
 
-    PRESS    P+, rho, and diagonal blocks of the rows that push       RENEW   the same, behind P = P+ if the step settled
+    PRESS    P+, rho, and diagonal blocks of the rows that push       RENEW   the same, behind P = P+ if a row is wrong, and the
+             or would have in the step before                                 step settled
     CHECK    words[WRONG] becomes 1 where a push is wrong by what moves a row by more than DEPTH of what it keeps, words[MOVING]
              where the last step has moved a row by more than LITTLE of it
     STORE    P = P+                                                   LOOK    P+ and rho
     """
     t, Surfaces, Pairs, State, Laws = types(real), pairs.surfaces(real), pairs.lists(real), states(real), laws(real)
-    (friction, levers, _, _, lacking), allowed = rows_of(real), coulomb(real)
+    (friction, levers, _, _, lacking, _), allowed = rows_of(real), coulomb(real)
 
     @wp.func
     def blocks(s: Surfaces, near: Pairs, law: Laws, j: int, ids: wp.vec4i, b: t.vec4, H: t.mat33):
@@ -90,7 +96,7 @@ def renew(real, module):
     def renew_rows(s: Surfaces, at: State, near_at: wp.array(dtype=Pairs), act: int, threads: int, law: Laws,
                    words: wp.array(dtype=int)):
         near = near_at[0]
-        renews = act == STORE or (act == RENEW and words[MOVING] == 0)
+        renews = act == STORE or (act == RENEW and words[WRONG] > 0 and words[MOVING] == 0)
         j = wp.tid()
         while j < near.rows[0]:
             if near.stiff[j] > real(0.0):
@@ -112,6 +118,9 @@ def renew(real, module):
                         near.push[near.row[j]] = then
                         if act == RENEW:
                             then, rho = allowed(n, then - near.stiff[j] * u, mu)
+                    if act <= RENEW and rho < real(0.0) and near.rho[j] == real(AHEAD):      # what stopped the step before
+                        rho = real(0.0)
+                        then = wp.min(-near.stiff[j] * wp.dot(u, n), real(0.0)) * n
                     near.force[j] = then
                     near.rho[j] = rho
                     near.last[j] = wp.dot(u, n)
@@ -153,7 +162,7 @@ def join(real, module):
 def give(real, module):
     """Kernel over rows: sums of what rows push points by."""
     Surfaces, Pairs, State, Laws = pairs.surfaces(real), pairs.lists(real), states(real), laws(real)
-    (_, levers, _, share, _), add = rows_of(real), summed(real)
+    (_, levers, _, share, _, _), add = rows_of(real), summed(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def give_rows(s: Surfaces, at: State, near_at: wp.array(dtype=Pairs), threads: int, law: Laws):

@@ -9,7 +9,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.selfcontact.newton.law import STEPS, WRONG, laws
+from wsim.kernels.selfcontact.newton.law import GOING, STEPS, WRONG, laws
 from wsim.kernels.selfcontact.pairs import SCALE
 from wsim.kernels.solver import pcg
 from wsim.kernels.solver.newton import structs
@@ -103,12 +103,12 @@ def count(real, module):
     steps 0: they begin."""
     @wp.kernel(module=module, enable_backward=False)
     def count_steps(residual: wp.array(dtype=real), bound: real, steps: int, most: int, words: wp.array(dtype=int)):
+        going = words[WRONG]
         for i in range(residual.shape[0]):
             if residual[i] > bound:
-                words[WRONG] = 1
+                going = 1
         words[STEPS] = wp.where(steps > 0, words[STEPS] + steps, 0)
-        if words[STEPS] >= most:
-            words[WRONG] = 0
+        words[GOING] = wp.where(words[STEPS] < most, going, 0)
 
     return count_steps
 

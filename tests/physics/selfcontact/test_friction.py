@@ -67,6 +67,21 @@ def test_a_square_of_cloth_sticks_below_the_angle_of_friction_and_slides_above(s
         assert told["cut"] == told["held"] == 0
 
 
+@pytest.mark.parametrize("solver", each("newton", "newton midpoint"))
+def test_a_square_of_cloth_that_slides_fast_on_another_passes_its_edges_as_a_block(solver):
+    """Ten degrees above, by 0.7 mm a substep in the end, before it hangs over: rows to edges that are passed braked it by half.
+    Backward Euler goes a (t^2 + h t) / 2."""
+    frames, angle = 13, np.degrees(np.arctan(MU)) + 10.0
+    a, time, h = np.radians(angle), frames / 60.0, 1.0 / 600.0
+    scene = incline(angle, "cloth", **solver)
+    sim = run(scene)
+    sim.run(frames)
+    block = 0.5 * G * (np.sin(a) - MU * np.cos(a)) * time * (time + h * (solver["integrator"] == "backward_euler"))
+    gone = sim.positions("/upper") - scene.cloths[-1].points
+    assert np.abs(gone[:, 0] - block).max() < 0.01 * block
+    assert np.abs(gone[:, 1]).max() < 1e-3 * CLOTH.thickness and np.abs(gone[:, 2]).max() < 0.01 * block
+
+
 def test_friction_that_is_less_lets_it_slide():
     scene = incline(np.degrees(np.arctan(MU)) - WITHIN, "cloth", **each("xpbd")[0].values[0])
     for cloth in scene.cloths:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from wsim.physics.solver.newton import Implicit
 
 MOST = 40              # further steps of a substep, at most
-CLOSE = 3e-3           # of the residual that is needed: wanted where surfaces touch. Angular momentum errs by the moment of
-CLOSE_STEPS = 24       # what is left, by 2e-4 of it at 1; with this and so many steps by 1e-6, with 12 by 3e-6
+CLOSE = 1e-3           # of the residual that is needed: wanted where surfaces touch. Angular momentum errs by the moment of
+CLOSE_STEPS = 24       # what is left, by 2e-4 of it at 1; of sheets that meet by 6e-8 with this, by 2e-6 with 3e-3
 
 
 class Further:

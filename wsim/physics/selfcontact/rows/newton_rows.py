@@ -3,7 +3,6 @@ Equations: kernels/selfcontact/newton/law.py."""
 
 from __future__ import annotations
 
-from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,11 +25,11 @@ if TYPE_CHECKING:
     from wsim.physics.selfcontact.method import SelfContact
 
 MOST = 12              # further Newton steps of a substep, at most, while rows are left
-SOLVED = 0.1           # residual of a substep beside rigid bodies: what is left is what these are pushed by
+SOLVED = 0.005         # residual of a substep: what is left is what friction errs by, and what rigid bodies are pushed by
 
 
 class NewtonRows(Term):
-    """words: see kernels/selfcontact/newton/law.py. again: the step to come is a further one."""
+    """words: see kernels/selfcontact/newton/law.py. again: the step to come is a further one; looks: none is to come."""
 
     def __init__(self, method: SelfContact, assembly: Assembly):
         self.method, self.assembly, self.model = method, assembly, assembly.model
@@ -41,7 +40,7 @@ class NewtonRows(Term):
         self.kernels: dict[str, Any] = {f.__name__: f(real, module) for f in NEWTON}
         self.kernels |= {f.__name__: f(module) for f in NEWTON_WORDS} | {"product": solution.multiply(real, module, *kinds)}
         self.pcg, self.choose = pcg.several(real, module, *kinds), line_search.choose(real, module)
-        self.again, self.words, self.unasked = False, system.zeros(3, int), system.zeros(0, real)
+        self.again, self.looks, self.words = False, False, system.zeros(4, int)
         n, worlds, t = model.points, model.worlds, types(real)
         self.systems = system.systems // worlds                    # of a world
         starts = system.starts[::self.systems]
@@ -79,7 +78,7 @@ class NewtonRows(Term):
     def hold(self, g: float, fresh: bool) -> None:
         """Pushes at d, in f and in the diagonal blocks."""
         self.now(g)
-        act, self.again = laws.RENEW if self.again else laws.PRESS, False
+        act, self.again = laws.RENEW if self.again else laws.LOOK if self.looks else laws.PRESS, False
         self.when_near(lambda: self.push(act))
 
     def now(self, g: float) -> None:
@@ -122,7 +121,7 @@ class NewtonRows(Term):
         def look() -> None:
             self.assembly.linearise(1.0 / clock.g)
             self.method.borrow()
-            self.over_rows("stiffen", [self.surfaces.data, self.near.table, self.assembly.A, self.threads, self.law], [])
+            self.over_rows("stiffen", [*self.given, self.assembly.A, self.threads, self.law], [])
             self.renew(laws.LOOK)
             back()
             self.drop.zero_()
@@ -137,7 +136,7 @@ class NewtonRows(Term):
         """Behind the Newton steps of a substep: further ones while a row is wrong, or the residual above `most_left`."""
         self.words.zero_()
         self.when_near(lambda: self.check(0, measure))
-        wp.capture_while(self.words[laws.WRONG:laws.WRONG + 1], lambda: self.further(again, measure))
+        wp.capture_while(self.words[laws.GOING:laws.GOING + 1], lambda: self.further(again, measure))
 
     def further(self, again: Callable[[], None], measure: Callable[[], wp.array]) -> None:
         self.again = True
@@ -145,9 +144,8 @@ class NewtonRows(Term):
         self.check(1, measure)
 
     def most_left(self) -> float:
-        """Largest residual with which a substep may end; inf: any, since each ends with less than it began with."""
-        contact = self.method.contact
-        return SOLVED if contact and contact.movers else self.clock.integrator.met[0]
+        """Largest residual with which a substep may end."""
+        return min(SOLVED, self.clock.integrator.met[0])
 
     def check(self, steps: int, measure: Callable[[], wp.array]) -> None:
         """Looks for rows whose pushes are wrong, and at the residual."""
@@ -156,7 +154,9 @@ class NewtonRows(Term):
         self.words[laws.MOVING:laws.MOVING + 1].zero_()
         self.renew(laws.CHECK)
         bound = self.most_left()
-        left = measure() if bound < inf else self.unasked
+        self.looks = True
+        left = measure()
+        self.looks = False
         self.model.launch(self.kernels["count"], 1, [left, bound, steps, MOST], [self.words])
 
     def end(self, clock: Clock) -> None:
