@@ -121,7 +121,10 @@ def press_leap(real, module):
 
     @wp.func
     def speed(s: Half, i: int):
-        return real(2.0) * s.v[i] - s.pair[(2 + s.at) * s.x.shape[0] + i] + (real(0.5) * s.known) * s.change[i]
+        more = t.vec3()
+        if s.known > real(0.0):                        # else what is there may be no number: a frame that broke has left it
+            more = real(0.5) * s.change[i]
+        return real(2.0) * s.v[i] - s.pair[(2 + s.at) * s.x.shape[0] + i] + more
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def press_leap(triangle: wp.array(dtype=wp.vec3i), air: Air, s: Half, force_out: wp.array(dtype=t.vec3),

@@ -48,8 +48,8 @@ EDGES = {"feel_edges_box", "find_edges_box", "gather_edges"}      # of cloths, a
 DAMPED = {"membrane", "dihedral", "angle_damped", "curvature", "target"}
 KERNELS = {
     "hanging_cloth": {"march", "stretched", "not_finite"},
-    "flag": LEAPS | AIR | {"march", "blow_work"},
-    "cape": LEAPS | AIR | {"march", "search_sphere", "contact", "push_work"},
+    "flag": LEAPS | AIR | {"press_leap", "blow_leap", "march", "blow_work"},
+    "cape": LEAPS | AIR | {"press_leap", "blow_leap", "march", "search_sphere", "contact", "push_work"},
     "tablecloth": LEAPS | {"march", "contact", "search_plane_box", "clearance_plane_box", "near_plane_box"} | EDGES,
     "shirt": LEAPS | {"march", "search_solid_f32_listed", "contact", "clearance_solid", "near_solid"},
 }
