@@ -25,6 +25,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -49,7 +50,7 @@ class Watch:
         import warp as wp
 
         from wsim.model import kernel_cache, status
-        self.launched, self.captured, self.away = 0, 0, 0.0
+        self.launched, self.captured, self.away, self.inside = 0, 0, 0.0, False
         self.replaced(wp, "capture_launch", self.timed)
         self.replaced(wp, "launch", self.counted)
         self.replaced(wp, "launch_tiled", self.counted)
@@ -62,11 +63,14 @@ class Watch:
 
     def timed(self, call):
         def run(*args, **more):
-            began = time.perf_counter()
+            if self.inside or threading.current_thread() is not threading.main_thread():
+                return call(*args, **more)
+            began, self.inside = time.perf_counter(), True
             try:
                 return call(*args, **more)
             finally:
                 self.away += time.perf_counter() - began
+                self.inside = False
         return run
 
     def counted(self, call):
