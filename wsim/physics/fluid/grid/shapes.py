@@ -11,13 +11,14 @@ from wsim.kernels.fluid import shapes as kernels
 from wsim.model.model import Model
 from wsim.model.structs import filled
 from wsim.physics.collider.table import ColliderTable, closed
-from wsim.scene import Surface
+from wsim.scene import Box, Surface
 from wsim.scene.solids import row
 
 PLACES = 64              # on a mesh, where its thickness is looked at
 WALL = 2.0               # cells: half the thickness up to which a liquid has a wall at its side. Thicker ones cover parts of
                          # faces, which is of higher order beside a smooth body and stirs the liquid in a cup that tilts
 THINNEST = 0.1           # of its area; a few sharp edges make no thin wall
+TOUCH = 1e-3             # cells that a domain may reach beyond a face of a wall at its rim
 
 
 def half_thickness(shape: Any) -> float:
@@ -60,19 +61,37 @@ def least_thickness(axes: tuple[int, ...], cell: float) -> float:
     return 0.5 * sqrt(len(axes)) * cell
 
 
-def thin(thing: Any, axes: tuple[int, ...], cell: float) -> bool:
-    """True of a wall whose sides a liquid keeps apart by segments (kernels/particles/walls.py); what floats is thickened."""
-    return getattr(thing, "body", -1) < 0 and half_thickness(thing.shape) < WALL * cell
+def thin(thing: Any, low: np.ndarray, high: np.ndarray, cell: float) -> bool:
+    """True of a wall whose sides a liquid keeps apart by segments (kernels/particles/walls.py). What floats is thickened, and
+    so is a wall that has one side alone between the corners low and high of a domain, world [m]."""
+    if getattr(thing, "body", -1) >= 0 or half_thickness(thing.shape) >= WALL * cell:
+        return False
+    return not one_sided(thing, low, high, cell)
+
+
+def one_sided(thing: Any, low: np.ndarray, high: np.ndarray, cell: float) -> bool:
+    """True of a box that stands, and beyond whose thin faces there is nothing of a domain: one at its rim."""
+    if not isinstance(thing.shape, Box) or thing.motion.moves:
+        return False
+    M, half = np.asarray(thing.motion.at(0.0), np.float64), np.asarray(thing.shape.half, np.float64)
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+    own = (corners - M[:3, 3]) @ M[:3, :3]
+    past = half + TOUCH * cell
+    rim = (own <= past).all(axis=0) | (own >= -past).all(axis=0)
+    return bool((rim | (half >= WALL * cell)).all())
 
 
 class Shapes(ColliderTable):
     """Shapes of things that have a `shape` and a `motion`, places relative to a corner [m]. walls: what becomes of those that
     the grid is too coarse for: "thick", they are thickened; "thin", a liquid's, they are marked; "", nothing."""
 
-    def __init__(self, model: Model, things: list, corner: np.ndarray, axes: tuple[int, ...], cell: float, walls: str = ""):
+    def __init__(self, model: Model, things: list, corner: np.ndarray, axes: tuple[int, ...], cell: float, walls: str = "",
+                 far: Any = None):
+        """far: the domain's other corner, where walls are thin."""
         self.cell = cell
         least = least_thickness(axes, cell) if walls else 0.0
-        self.thin = np.array([walls == "thin" and thin(thing, axes, cell) for thing in things], bool)
+        low, high = np.asarray(corner), np.asarray(far)
+        self.thin = np.array([walls == "thin" and thin(thing, low, high, cell) for thing in things], bool)
         self.thick = [0.0 if flag or not walls else max(0.0, least - half_thickness(thing.shape))
                       for thing, flag in zip(things, self.thin, strict=True)]
         super().__init__(model, things, corner, self.thick, screw=walls == "thin")

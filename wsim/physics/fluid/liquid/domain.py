@@ -48,8 +48,10 @@ class Domain:
         self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
         self.speed, self.more, self.wave, self.gravity = (threads.zeros(n) for n in (1, 1, 1, 3))
         self.grid = self._grid()
-        self.obstacles: Any = (Obstacles(threads, layout, self.grid, Shapes(threads.model, obstacles, liquid.low, layout.axes,
-                                                                       liquid.cell, "thin"), self.clock) if obstacles else None)
+        self.obstacles: Any = None
+        if obstacles:
+            shapes = Shapes(threads.model, obstacles, liquid.low, layout.axes, liquid.cell, "thin", liquid.high)
+            self.obstacles = Obstacles(threads, layout, self.grid, shapes, self.clock)
         self.walls: Any = Walls(threads, layout, self.grid, self.obstacles) if self.obstacles else None
         self.thin = bool(self.walls and self.walls.thin)
         self.sizes = [prod(layout.faces(a)) for a in range(dim)]

@@ -222,5 +222,5 @@ def signature(b) -> list:
                for x in b.scene.things("Liquid")]
     moved, own = any(c.motion.moves for c in b.scene.colliders), shells(b.scene)
     things = [*b.scene.colliders, *own, *sheets(b.model)]
-    parted = [any(thin(thing, x.axes, x.cell) for thing in things) for x in b.scene.things("Liquid")]
+    parted = [any(thin(thing, x.low, x.high, x.cell) for thing in things) for x in b.scene.things("Liquid")]
     return [sorted({str(x) for x in liquids}), kinds(things), moved, parted, *["bodies"] * bool(own)]
