@@ -28,7 +28,7 @@ PACKED = 0.5             # most of a cell that a step makes room for
 @cache
 def near(dim: int, real) -> SimpleNamespace:
     """beside(g, i, axis, side) -> cell beyond a face (component -1: none); part(phi, c, n) -> theta of a liquid cell c and air
-    n; face(g, i, axis, side) -> row of that face."""
+    n; face(g, i, axis, side) -> row of that face; opening(g, open, i, axis, side) -> its open part."""
     S, f = structs(real), functions(dim, real)
 
     @wp.func
@@ -57,7 +57,17 @@ def near(dim: int, real) -> SimpleNamespace:
             j[axis] = 0
         return flat(j, f.faces(g, axis))
 
-    return SimpleNamespace(beside=beside, part=part, face=face)
+    @wp.func
+    def opening(g: S.Grid, open: S.Faces, i: wp.vec3i, axis: int, side: int):
+        """Open part of a face of a cell; side 0 or 1."""
+        q = face(g, i, axis, side)
+        if axis == 0:
+            return open.x[q]
+        if axis == 1:
+            return open.y[q]
+        return open.z[q]
+
+    return SimpleNamespace(beside=beside, part=part, face=face, opening=opening)
 
 
 @cache
@@ -103,13 +113,7 @@ def own(dim: int, obstacles: bool, real, module):
                     if phi[other] >= real(0.0):
                         o = real(1.0)
                         if wp.static(obstacles):
-                            q = at.face(g, i, a, m % 2)
-                            if a == 0:
-                                o = open.x[q]
-                            elif a == 1:
-                                o = open.y[q]
-                            else:
-                                o = open.z[q]
+                            o = at.opening(g, open, i, a, m % 2)
                         sum += o / at.part(phi, c, other)
         own_out[c] = sum
         if sum > real(0.0):
@@ -184,13 +188,7 @@ def crowding(dim: int, thin: bool, real, module):
                 n = at.beside(g, i, a, 2 * (m % 2) - 1)
                 o = real(1.0)
                 if wp.static(thin):
-                    q = at.face(g, i, a, m % 2)
-                    if a == 0:
-                        o = open.x[q]
-                    elif a == 1:
-                        o = open.y[q]
-                    else:
-                        o = open.z[q]
+                    o = at.opening(g, open, i, a, m % 2)
                 if n[a] >= 0 and o > real(0.0):
                     if phi[flat(n, g.n)] >= real(0.0):
                         b = wp.min(b, real(0.0))

@@ -92,13 +92,7 @@ def volume(dim: int, obstacles: bool, thin: bool, real, module):
             if n[a] >= 0:
                 o = real(1.0)
                 if wp.static(obstacles):
-                    q = at.face(g, i, a, m % 2)
-                    if a == 0:
-                        o = open.x[q]
-                    elif a == 1:
-                        o = open.y[q]
-                    else:
-                        o = open.z[q]
+                    o = at.opening(g, open, i, a, m % 2)
                 if o > real(0.0) and fill[flat(n, g.n)] <= real(0.5):
                     found = bool(False)
         return found

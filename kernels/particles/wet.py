@@ -43,15 +43,7 @@ def wet(dim: int, real, module):
                 a = m // 2
                 j = at.beside(g, i, a, 2 * (m % 2) - 1)
                 if j[a] >= 0:
-                    q = at.face(g, i, a, m % 2)
-                    o = real(0.0)
-                    if a == 0:
-                        o = open.x[q]
-                    elif a == 1:
-                        o = open.y[q]
-                    else:
-                        o = open.z[q]
-                    if o > real(0.0):
+                    if at.opening(g, open, i, a, m % 2) > real(0.0):
                         other = phi[flat(j, g.n)]
                         if other < real(0.0):
                             least = wp.min(least, other)

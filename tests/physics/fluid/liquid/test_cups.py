@@ -132,14 +132,11 @@ KINDS = {"box": boxes, "mesh": mesh, "sheet": mesh}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("off", [0.0, 0.3])
-@pytest.mark.parametrize("cells", [0.1, 0.25, 1.0, 3.0])
-@pytest.mark.parametrize("kind", ["box", "mesh", "sheet"])
+@pytest.mark.parametrize(("kind", "cells"), [
+    *((kind, cells) for kind in ("box", "mesh") for cells in (0.1, 0.25, 1.0, 3.0)), ("sheet", 0.0)])
 def test_no_particle_comes_out_in_ten_seconds(kind, cells, off):
     """Still, on the diagonal, and tilted in two seconds; heights as above, on the diagonal that of a corner's filling."""
     make, frames = KINDS[kind], 10 * FPS
-    if kind == "sheet" and cells > 0.1:
-        pytest.skip("a sheet has no thickness")
-    cells = 0.0 if kind == "sheet" else cells
     for path, degrees in ((still(0.0), 0.0), (tilted(2.0), 30.0)):
         cup = Cup(make, cells, off, path, frames=frames)
         assert cup.outside() == 0 and cup.center() == pytest.approx(cup.stands(degrees), abs=0.1 / 32.0)
