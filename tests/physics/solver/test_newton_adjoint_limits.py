@@ -133,7 +133,10 @@ def test_a_recording_ends_where_a_simulation_does(integrator, what, iterations):
     plain.run(3)
     off = np.abs(plain.positions() - recorded(scene, 3).positions(3)).max()
     effect = moved(scene, cord(integrator, "none", iterations), 3)
-    assert not any("residual" in w for w in plain.warnings) and effect > 0.03 and off < 1e-6 * effect
+    assert effect > 0.03 and off < 1e-6 * effect
+    if integrator != "bdf2":                         # whose energy rises by a part of it in two substeps, as is told
+        assert not plain.warnings
+    assert all("gained energy" in w for w in plain.warnings)
 
 
 def landed(shape: str, integrator: str, mu: float, what: str = "limit", **more) -> Scene:

@@ -1,5 +1,7 @@
 """The sag of rigid bodies at rest: closed forms, and what runs leave."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -137,10 +139,12 @@ def rolls() -> Scene:
 @pytest.mark.parametrize("make, steps, least, most", [
     (lambda n: dice(6, substeps=n), 20, 0.99, 1.02),
     (lambda n: piled([(Box((0.05,) * 3), 0.1)] * 3, [1.0, 30.0, 900.0], substeps=n), 60, 0.99, 1.02),
-    (lambda n: wall(), 10, 0.75, 1.25), (lambda n: turned(), 10, 0.95, 1.4), (lambda n: rolls(), 10, 0.8, 2.0),
-], ids=["dice", "masses", "wall", "turned cubes", "rolls"])
+    (lambda n: replace(wall(), substeps=n), 20, 0.8, 1.25), (lambda n: wall(), 10, 0.75, 1.25),
+    (lambda n: turned(), 10, 0.95, 1.4), (lambda n: rolls(), 10, 0.8, 2.0),
+], ids=["dice", "masses", "wall", "coarse wall", "turned cubes", "rolls"])
 def test_a_run_sinks_as_far_as_is_said(make, steps, least, most):
-    """Exactly where patches and normals are those of the run, else within a factor of two, and hardly ever less."""
+    """Exactly where patches and normals are those of the run, else within a factor of two, and hardly ever less: 0.77 of what a
+    wall sinks in 10 substeps, 0.95 in 20 and in 40."""
     scene = make(steps)
     found = need(scene)
     sim = moved(scene, 3.0)[2]
