@@ -351,6 +351,16 @@ def test_out_of_memory_in_a_frame_is_said_in_words():
         sim.step()
 
 
+def test_what_a_graph_cannot_hold_is_not_called_lack_of_memory():
+    sim = Simulation(chain(2), **CPU)
+
+    def unsupported(sim):
+        raise RuntimeError("Conditional body graph contains an unsupported operation (memory allocation)")
+    sim.host.before_frame = unsupported
+    with pytest.raises(RuntimeError, match="unsupported operation"):
+        sim.step()
+
+
 def test_worlds_have_their_own_parameters():
     sim = Simulation(chain(4, substeps=10, iterations=10, air_drag=8.0), worlds=3, **DOUBLE)
     sim.set("/", "gravity", (0.0, -4.905, 0.0), world=1)

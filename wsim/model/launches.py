@@ -150,7 +150,7 @@ class LaunchList:
 
 MANY = 1000              # launches of a frame from which substeps are a loop on the device: a GPU captures 30 in a millisecond
 PEELED = 3               # substeps whose launches the graph of a loop has
-ROOM, OF_POINT = 1 << 20, 256    # bytes for rows of tables that a loop reads, and as many more for each point
+ROOM, OF_POINT, OF_COLLIDER = 1 << 20, 256, 1024       # bytes for rows of tables that a loop reads; more for each of these
 
 
 def loop_of(plan) -> Loop | None:
@@ -166,7 +166,7 @@ class Loop:
     """Substeps of a frame but the first and the last, as the body of a loop on the device. Tables with a row for each substep
     are read by `Clock.read_rows`."""
 
-    def __init__(self, model: Launches, clock):
+    def __init__(self, model: Any, clock):
         import warp as wp
 
         from wsim.kernels.math import loop
@@ -175,7 +175,8 @@ class Loop:
         self.number, self.going = (wp.zeros(1, dtype=int, device=model.device) for _ in range(2))
         self.windows: dict[tuple, tuple] = {}              # by table and rows: table, window, both as whole numbers
         # on a GPU, where a loop's body cannot allocate memory
-        room = (ROOM + OF_POINT * model.points) // 4 if model.device.is_cuda else 0
+        bytes = ROOM + OF_POINT * model.points + OF_COLLIDER * len(model.scene.colliders)
+        room = bytes // 4 if model.device.is_cuda else 0
         self.room = wp.zeros(room, dtype=int, device=model.device)
         self.used = 0                                      # whole numbers of `room`
 

@@ -100,8 +100,9 @@ def fit(scene: Scene, worlds: int, one: Callable[[], Any]) -> None:
 
 
 def refused(error: Exception, device) -> SceneError:
-    """A failed allocation in words; anything else as it is."""
-    if "alloc" in str(error).lower() or "memory" in str(error).lower():
+    """A failed allocation in words; anything else as it is, an allocation where a graph allows none among them."""
+    text = str(error).lower()
+    if ("alloc" in text or "memory" in text) and "unsupported" not in text:
         return SceneError(Problem(str(device), f"out of memory ({error}); use a smaller scene, fewer worlds, "
                                   "float32 or another device"))
     raise error
