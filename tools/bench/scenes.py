@@ -51,17 +51,17 @@ class Watch:
 
         from wsim.model import kernel_cache, status
         self.launched, self.captured, self.away, self.inside = 0, 0, 0.0, False
-        self.replaced(wp, "capture_launch", self.timed)
-        self.replaced(wp, "launch", self.counted)
-        self.replaced(wp, "launch_tiled", self.counted)
-        self.replaced(status.Status, "wait", self.timed)
-        self.replaced(kernel_cache, "capture", self.begun)
+        self.wrap_attribute(wp, "capture_launch", self.timed_call)
+        self.wrap_attribute(wp, "launch", self.counted_launch)
+        self.wrap_attribute(wp, "launch_tiled", self.counted_launch)
+        self.wrap_attribute(status.Status, "wait", self.timed_call)
+        self.wrap_attribute(kernel_cache, "capture", self.counted_capture)
 
     @staticmethod
-    def replaced(owner, name: str, wrap) -> None:
+    def wrap_attribute(owner, name: str, wrap) -> None:
         setattr(owner, name, wrap(getattr(owner, name)))
 
-    def timed(self, call):
+    def timed_call(self, call):
         def run(*args, **more):
             if self.inside or threading.current_thread() is not threading.main_thread():
                 return call(*args, **more)
@@ -73,20 +73,20 @@ class Watch:
                 self.inside = False
         return run
 
-    def counted(self, call):
+    def counted_launch(self, call):
         def run(*args, **more):
             self.launched += 1
             return call(*args, **more)
         return run
 
-    def begun(self, call):
+    def counted_capture(self, call):
         def run(*args, **more):
             self.captured, self.launched = self.captured + 1, 0
             return call(*args, **more)
         return run
 
 
-def child(name: str, device: str, seconds: float) -> dict:
+def measure_scene(name: str, device: str, seconds: float) -> dict:
     """The row of a scene on a device: run in a process of its own."""
     began = time.perf_counter()
     import warp as wp
@@ -107,7 +107,7 @@ def child(name: str, device: str, seconds: float) -> dict:
         if frame == 1:
             first, start = time.perf_counter() - began, time.perf_counter()
         if frame in APART:
-            seen[frame] = places(simulation)
+            seen[frame] = point_places(simulation)
         if time.perf_counter() - start > seconds:
             break
     report = simulation.report(profile=False)
@@ -123,7 +123,7 @@ def child(name: str, device: str, seconds: float) -> dict:
             "seen": seen, "each": [round(ms, 3) for ms in each]}
 
 
-def places(simulation) -> list[list[float]]:
+def point_places(simulation) -> list[list[float]]:
     """Places [m] of points of cloth, soft bodies and rods, and of the origins of bodies and colliders."""
     rows = [simulation.positions(body.path) for body in simulation.model.bodies]
     rows += [sample.positions for sample in simulation.samples() if type(sample).__name__ == "Points"]
@@ -131,7 +131,7 @@ def places(simulation) -> list[list[float]]:
     return np.concatenate([np.reshape(r, (-1, 3)) for r in rows]).tolist()
 
 
-def row(name: str, device: str, seconds: float) -> dict:
+def run_scene(name: str, device: str, seconds: float) -> dict:
     """The row of a process of its own; where that fails, its last words under "failed"."""
     with tempfile.TemporaryDirectory() as cache:
         kept = os.environ.get("WSIM_BENCH_KERNELS")            # a folder of kernels: first frames then compile nothing anew
@@ -143,7 +143,7 @@ def row(name: str, device: str, seconds: float) -> dict:
         return {"scene": name, "device": device, "failed": (done.stderr.strip().splitlines() or ["no output"])[-1]}
 
 
-def apart(own: dict, first: dict) -> float | None:
+def rms_distance(own: dict, first: dict) -> float | None:
     """Root mean square distance of two runs at the last frame that both saw, over the size of what moves."""
     both = sorted(set(own.get("seen", {})) & set(first.get("seen", {})), key=int)
     if not both or not own["seen"][both[-1]]:
@@ -153,17 +153,18 @@ def apart(own: dict, first: dict) -> float | None:
     return float(np.sqrt(((a - b) ** 2).sum(1).mean()) / size)
 
 
-def number(value, unit: float = 1.0, digits: str = ".3g") -> str:
+def format_number(value, unit: float = 1.0, digits: str = ".3g") -> str:
     return "-" if value is None else f"{unit * value:{digits}}"
 
 
-def cells(r: dict) -> list[str]:
+def table_cells(r: dict) -> list[str]:
     if "failed" in r:
         return [r["scene"], r["device"], "failed: " + r["failed"][:100], *[""] * 12]
     rate = f"{r['own']:.3g}" if r["p99"] <= r["own"] else f"*{r['own']:.3g}*"
     return [r["scene"], r["device"], f"{r['first']:.1f}", f"{r['median']:.3g}", f"{r['p99']:.3g}", rate, str(r["captures"]),
-            str(r["launches"]), f"{r['python']:.2g}", number(r["said"], 100, ".2g"), number(r["strain"], 100, ".2g"),
-            number(r["overlap"], 1e3, ".2g"), number(r["energy"], 100, ".2g"), number(r["apart"], 1.0, ".1e"), str(r["frames"])]
+            str(r["launches"]), f"{r['python']:.2g}", format_number(r["said"], 100, ".2g"),
+            format_number(r["strain"], 100, ".2g"), format_number(r["overlap"], 1e3, ".2g"),
+            format_number(r["energy"], 100, ".2g"), format_number(r["apart"], 1.0, ".1e"), str(r["frames"])]
 
 
 HEAD = ["scene", "device", "first s", "median", "p99", "own ms", "captures", "launches", "python ms", "said %", "strain %",
@@ -180,7 +181,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--child", help=argparse.SUPPRESS)
     args = parser.parse_args(argv)
     if args.child:
-        print(json.dumps(child(args.child, args.devices, args.seconds)))
+        print(json.dumps(measure_scene(args.child, args.devices, args.seconds)))
         return
     from wsim.simulation.measure.columns import columns
     names = args.scenes.split(",") if args.scenes else examples()
@@ -190,10 +191,10 @@ def main(argv: list[str] | None = None) -> None:
     print(*columns([HEAD], "<<" + ">" * 13, widths), sep="\n", flush=True)
     rows: list[dict] = []
     with ThreadPoolExecutor(args.at_once) as pool:
-        for found in pool.map(lambda name: [row(name, device, args.seconds) for device in devices], names):
+        for found in pool.map(lambda name: [run_scene(name, device, args.seconds) for device in devices], names):
             for r in found:
-                r["apart"] = apart(r, found[0]) if r is not found[0] else None
-            print(*columns([cells(r) for r in found], "<<" + ">" * 13, widths), sep="\n", flush=True)
+                r["apart"] = rms_distance(r, found[0]) if r is not found[0] else None
+            print(*columns([table_cells(r) for r in found], "<<" + ">" * 13, widths), sep="\n", flush=True)
             rows += [{k: v for k, v in r.items() if k != "seen"} for r in found]
             if args.json:
                 import warp as wp
