@@ -3,8 +3,8 @@ before it, and what is left of its way goes on along the surface.
 
     p, q    its places in the frame of a shape that moves, at the start and at the end of the segment
     hit     the first of all shapes, kernels/collider/segment.py: h = p + s (q - p), normal n
-    slide   the segment from h to h + (1 - s) (q - p) less its part into the surface, at most SLIDES times; then the particle
-            rests where it is on what it met last, which takes it along
+    slide   the segment from h to h + (1 - s) (q - p) less its part into the surface, LIFT of its length away from it, at most
+            SLIDES times; then the particle rests where it is on what it met last, which takes it along
 
 An open sheet has two sides, and a particle passes beyond its rim. A wall may be as thin as it likes.
 """
@@ -22,6 +22,7 @@ from wsim.kernels.particles.sort import tables, where
 
 SKIN = 1.0e-3            # cells; more than places are rounded by in a domain of a thousand cells
 SLIDES = 6               # an edge takes two, a corner three
+LIFT = 1.0e-4            # of a slide: what is left of its part into the surface is rounding, which is not to be met again
 
 
 @cache
@@ -63,6 +64,7 @@ def slide(dim: int, kinds: tuple[str, ...], real):
             n = wp.quat_rotate_inv(s.turned(shapes.of, shape, time + part * (end - time)), n)
             rest = (real(1.0) - part) * way
             rest = rest - wp.min(wp.dot(rest, n), real(0.0)) * n
+            rest = rest + real(LIFT) * wp.length(rest) * n
             if m + 1 == slides:
                 rest = t.vec3()
             time = time + part * (end - time)
