@@ -1,10 +1,12 @@
 """Sealed regions of openings that change: found on the device, by a forest whose roots are the lowest cells of the regions
 (Komura 2015: a root is hung below a lower one by an atomic minimum, and what it was hung below meanwhile goes on with). What
 the right-hand side sums to in each is taken off, as regions.py does; sums are whole numbers of SCALE / (cells |b|), so that
-they do not depend on the order of cells.
+they do not depend on the order of cells. A region is sealed where no face of it is an open side's and, of a liquid (`free`), no
+cell of it is beside air.
 """
 
-# ruff: noqa: UP018
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102, UP018
 
 from functools import cache
 from types import SimpleNamespace
@@ -12,7 +14,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.fluid.grid import functions
-from wsim.kernels.fluid.pressure import levels, stencil
+from wsim.kernels.fluid.pressure import FREE, levels, stencil
 from wsim.kernels.math.real import types
 from wsim.kernels.solver.pcg import total
 
@@ -47,16 +49,16 @@ def unite(parent: wp.array(dtype=int), one: int, other: int):
 class Forest:
     parent: wp.array(dtype=int)            # (cells,), -1: no face of the cell is open
     label: wp.array(dtype=int)             # root of each cell, -1: none
-    vented: wp.array(dtype=int)            # of a root: 1 if a face of its region is an open side's
+    vented: wp.array(dtype=int)            # of a root: 1 if its region is not sealed
     count: wp.array(dtype=int)             # of a root: cells
     sum: wp.array(dtype=wp.int64)          # of a root: of b, in |b| cells / SCALE
 
 
 @cache
-def finders(dim: int, real, module) -> SimpleNamespace:
+def finders(dim: int, free: bool, real, module) -> SimpleNamespace:
     """Kernels over cells, one after another: plant (each its own root), join (cells with an open face between them), settle
     (labels, cells and vents of roots)."""
-    Level, s, f = levels(real), stencil(dim, True, real), functions(dim, real)
+    Level, s, f = levels(real), stencil(dim, FREE if free else True, real), functions(dim, real)
 
     def plant(level: Level, to: Forest):
         c = wp.tid()
@@ -93,8 +95,11 @@ def finders(dim: int, real, module) -> SimpleNamespace:
                 beyond = (i[a] == 0 and low > real(0.0)) or (i[a] + 1 == level.n[a] and high > real(0.0))
                 if beyond and level.periodic[a] == 0:
                     wp.atomic_max(to.vented, r, 1)
+            if wp.static(free):
+                if level.own[c] > real(0.0):
+                    wp.atomic_max(to.vented, r, 1)
 
-    make = [wp.kernel(k, name=f"islands_{k.__name__}_{f.name}", module=module, enable_backward=False)
+    make = [wp.kernel(k, name=f"islands_{k.__name__}{'_free' * free}_{f.name}", module=module, enable_backward=False)
             for k in (plant, join, settle)]
     return SimpleNamespace(plant=make[0], join=make[1], settle=make[2])
 

@@ -74,12 +74,14 @@ class Cup:
         self.sim = Simulation(scene, device="cpu")
         self.count = len(particles(self.sim)["x"])
         self.height = self.count * (0.5 * cell) ** dim / np.prod(self.size[:2 * dim - 3:2])
-        for _ in range(frames):
+        self.most = 0                                          # of particles outside, at the end of any frame
+        for k in range(frames):
             self.sim.step()
+            self.most = max(self.most, self.outside(k + 1))
 
-    def outside(self) -> int:
-        """Particles beyond the middle of a wall, or over the rim."""
-        M, x = self.path(self.frames / FPS), particles(self.sim)["x"]
+    def outside(self, frame: int | None = None) -> int:
+        """Particles beyond the middle of a wall, over the rim, or gone, where a frame ends."""
+        M, x = self.path((self.frames if frame is None else frame) / FPS), particles(self.sim)["x"]
         q = (x - M[:3, 3]) @ M[:3, :3]
         low = -0.5 * self.wall
         beyond = (q[:, 1] < low) | (q[:, 1] > self.size[1]) | (np.abs(q[:, 0]) > 0.5 * self.size[0] - low)

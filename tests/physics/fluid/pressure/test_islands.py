@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.physics.fluid.flows import box, method
+from tests.physics.fluid.liquid import tanks
 from wsim.physics.fluid.grid.pressure import label
 from wsim.scene import Motion
 from wsim.scene.solids import Box
@@ -66,3 +67,26 @@ def test_regions_are_those_of_the_host(n, sides):
         inside = expected == k
         assert now[inside] == pytest.approx(b[inside] - b[inside].astype(np.float64).mean(), abs=2e-7)
     assert np.array_equal(now[expected < 0], b[expected < 0])
+
+
+def test_liquid_that_walls_part_from_all_air_has_a_pressure():
+    """Two cells with one open face between them and no other: 1 comes out of one and 2 out of the other. No pressure answers
+    the sum of both, which is taken off, 1.5 each; then 2 p - 2 p' = 1 - 2."""
+    scene = tanks.tank((8, 8), ((0.0, 0.0), (0.25, 0.125)))
+    scene.collider("/post", Box((0.02, 0.02, 1.0)), at=(0.2, 0.2, 0.0))
+    sim = Simulation(scene, device="cpu")
+    sim.step()
+    surface = tanks.method(sim).domains[0].surface
+    phi, right = -np.ones((8, 8), np.float32), np.zeros((8, 8), np.float32)
+    phi[:3] = 1.0                                              # air elsewhere, so that the box is not full
+    x, y = np.ones((9, 8), np.float32), np.ones((8, 9), np.float32)
+    x[5:7, 5:7] = y[5, 5:8] = 0.0
+    y[5, 6], right[5, 5:7] = 1.0, (1.0, 2.0)
+    for array, values in ((surface.phi, phi), (surface.open.x, x), (surface.open.y, y)):
+        array.assign(values.ravel())
+    surface.refresh()
+    surface.r.assign(right.ravel())
+    surface._solve(1e-4)
+    p = surface.p.numpy().reshape(8, 8)
+    assert np.isfinite(p).all() and np.abs(p).max() < 10.0
+    assert p[5, 6] - p[5, 5] == pytest.approx(0.5, abs=1e-3)

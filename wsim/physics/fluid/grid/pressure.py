@@ -79,7 +79,7 @@ class Pressure:
         self.mean_kernel = regions.mean(module)
         self.inside = regions.inside(dim, real, module) if moving and layout.sealed else None
         self.sums = threads.zeros(self.solver.parts, wp.vec2d)
-        self.islands = Islands(threads, layout) if moving else None
+        self.islands = Islands(threads, layout, False) if moving else None
 
     def regions(self, region: wp.array | None, count: int) -> None:
         """Regions of cells that are sealed from open sides, known before the first frame."""
@@ -153,12 +153,13 @@ class Pressure:
 
 
 class Islands:
-    """Sealed regions of obstacles that move, found in each step: a wall that parts a box leaves two."""
+    """Sealed regions that change, found in each step: a wall that moves parts a box in two, a liquid fills what is closed."""
 
-    def __init__(self, threads: Threads, layout: Layout):
+    def __init__(self, threads: Threads, layout: Layout, free: bool):
+        """free: of a liquid."""
         real, module, n = threads.model.real, threads.module, layout.cells
         self.threads, self.cells = threads, n
-        self.find_kernels, self.level_kernels = islands.finders(layout.dim, real, module), islands.levellers(real, module)
+        self.find_kernels, self.level_kernels = islands.finders(layout.dim, free, real, module), islands.levellers(real, module)
         arrays = {name: threads.zeros(n, int) for name in ("parent", "label", "vented", "count")}
         self.forest = filled(islands.Forest, sum=threads.zeros(n, wp.int64), **arrays)
         self.scale = threads.zeros(1, wp.float64)

@@ -121,7 +121,8 @@ class Domain:
         """Number of launches of a step whose pressure takes one iteration."""
         dim, volume = self.layout.dim, self.liquid.volume
         return (self.order.launches + (5 + self.layers) * dim + self.surface.launches + 5
-                + volume * (self.surface.launches + self.layers * dim) + (self.floating.launches if self.floating else 0))
+                + volume * (self.surface.launches + self.layers * dim) + (self.floating.launches if self.floating else 0)
+                + (3 if self.surface.islands else 0))
 
     @property
     def layers(self) -> int:

@@ -23,7 +23,7 @@ class Rooms:
         real, module, n = threads.model.real, threads.module, layout.cells
         self.threads, self.layout, self.grid, self.obstacles = threads, layout, grid, obstacles
         vec3, zeros = types(real).vec3, threads.zeros
-        self.find_kernels = islands.finders(layout.dim, real, module) if obstacles else None
+        self.find_kernels = islands.finders(layout.dim, False, real, module) if obstacles else None
         self.kernels = rooms.counters(layout.dim, obstacles is not None, real, module)
         arrays = {name: zeros(n, int) for name in ("parent", "label", "vented", "count")}
         self.forest = filled(islands.Forest, sum=zeros(1, wp.int64), **arrays)

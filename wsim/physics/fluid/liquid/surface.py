@@ -15,7 +15,7 @@ from wsim.kernels.particles import surface
 from wsim.model.structs import filled
 from wsim.physics.fluid.grid.layout import Layout
 from wsim.physics.fluid.grid.multigrid import AXES, Multigrid
-from wsim.physics.fluid.grid.pressure import Conjugate
+from wsim.physics.fluid.grid.pressure import Conjugate, Islands
 from wsim.physics.fluid.grid.threads import Threads
 
 AGAIN = 1e-2             # tolerance of the second solve with bodies, whose pressure is a hundredth to a tenth of the first
@@ -44,6 +44,7 @@ class Surface:
         self.multiply = conjugate.multiply(dim, FREE, real, module)
         self.multigrid = Multigrid(threads, layout, self.k, self.z, self.r, own=self.own)
         self.solver = Conjugate(threads, layout.cells, words)
+        self.islands = Islands(threads, layout, True) if obstacles else None     # liquid that walls part from all air
 
     def _faces(self) -> Any:
         sizes = {AXES[a]: self.threads.zeros(prod(self.layout.faces(a))) for a in range(self.layout.dim)}
@@ -52,7 +53,7 @@ class Surface:
     @property
     def launches(self) -> int:
         """Number of launches of a solve that takes one iteration."""
-        return self.multigrid.launches + 12
+        return self.multigrid.launches + (17 if self.islands else 12)
 
     def refresh(self) -> None:
         """The equation of the surface as it is now."""
@@ -65,6 +66,8 @@ class Surface:
         if self.ground:
             self.threads.over(self.ground, n, [self.air, self.phi], [self.own])
         self.multigrid.refresh()
+        if self.islands:
+            self.islands.find(self.multigrid.grids[0].table)
 
     def project(self, u: Any, known: list[wp.array], tolerance: float, bodies: Any = None, pull: tuple = ()) -> None:
         """Takes the divergence off u, and moves bodies (`Floating`); known: faces of liquid; pull:
@@ -99,6 +102,9 @@ class Surface:
         self.tolerance = tolerance
         self.p.zero_()
         self.solver.sum(self.r, self.r)
+        if self.islands and not bodies:                        # bodies that give way leave no liquid shut in
+            self.islands.level(self.r, self.solver.part)
+            self.solver.sum(self.r, self.r)
         self.solver.conclude(START, tolerance)
         wp.capture_while(self.solver.going, self._iterate, bodies=bodies)
 
