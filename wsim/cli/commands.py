@@ -82,7 +82,7 @@ def run(args) -> int:
             seconds["bench"] = perf_counter() - began - sum(seconds.values())
         with _prepared(scene, args) as job:
             progress.clear()
-            _warn(job, told)
+            _warn(_warnings(job), told)
             if not args.quiet:
                 _say(expected(job.simulation.plan, job.steps // job.samples, job.samples))
             progress.frames, job.shown = job.steps, progress.frame
@@ -94,7 +94,7 @@ def run(args) -> int:
                     from wsim.show.web import stay
                     began += stay(_say)
             except KeyboardInterrupt:
-                code = INTERRUPTED
+                code, job.simulation.settled = INTERRUPTED, None           # estimates take steps of their own
             except Exception as error:
                 if job.recorder.kept and job.recorder.kept not in str(error):
                     progress.clear()
@@ -169,12 +169,12 @@ def _warnings(job: "Run") -> list[str]:
     return list(dict.fromkeys([*job.simulation.warnings, *map(str, job.recorder.notes)]))
 
 
-def _warn(job: "Run", told: set[str]) -> None:
+def _warn(warnings: list[str], told: set[str]) -> None:
     """Says the warnings that were not told yet."""
-    for warning in _warnings(job):
+    for warning in warnings:
         if warning not in told:
             _say(warning if warning.startswith("warning") else f"warning: {warning}")
-    told.update(_warnings(job))
+    told.update(warnings)
 
 
 def _draw(args, seconds: dict[str, float]) -> None:
@@ -188,14 +188,16 @@ def _draw(args, seconds: dict[str, float]) -> None:
 
 def _close(job: "Run", args, seconds: dict[str, float], told: set[str], began: float) -> None:
     """The closing report; what was warned of before the run is not said again."""
-    _warn(job, told)
+    _warn(_warnings(job), told)
     if args.quiet and not args.json:
         return
     asked = perf_counter()
     report = job.simulation.report(profile=args.verbose or args.json)
+    warnings = list(dict.fromkeys([*_warnings(job), *report["warnings"]]))
+    _warn(warnings, told)
     seconds |= {"report": perf_counter() - asked, "total": perf_counter() - began}
     report |= {"output": job.result, "partial": job.recorder.kept, "picture": args.png if job.result else None,
-               "frames": job.written, "warnings": _warnings(job),
+               "frames": job.written, "warnings": warnings,
                "seconds": {**report.get("seconds", {}), **seconds, **job.seconds}}
     print(as_json(report) if args.json else reports.text({**report, "warnings": []}, args.verbose))
 

@@ -10,9 +10,12 @@ a converged run has 1).
 Measured in 51 estimates, random scenes (tools/bench/choice/reported_errors.py): 0.96 to 8 times the converged strain in four of
 five, 2.0 in the median. The shirt on its dummy by XPBD 213 x 1 (tools/bench/choice/peak_strains.py), frames 3, 6 and 12: 64, 22
 and 23 %, estimated 11, 8.7 and 8.7, converged 8.6, 6.0 and 4.7.
+
+A frame only keeps the state that an estimate begins with. The estimate itself is made when the report asks for it: on an H200
+it takes 30 to 300 ms, where frames of the ribbon take 26.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,42 +36,60 @@ MOST = 100_000             # points, beyond which nothing is estimated
 BESIDE = {"Skeleton", "Rods"}      # others than points that may be there
 
 
+@dataclass(frozen=True)
+class Strained:
+    """State at the end of a frame. strain: the largest of an edge [1]; steps, sweeps: substeps a frame, iterations of each."""
+
+    strain: float
+    frame: int
+    steps: int
+    sweeps: int
+    fields: dict[str, dict[str, np.ndarray]]
+
+
 class Settled:
     """Strains of a run's first frames beside those that a converged run has."""
 
     def __init__(self, sim):
-        self.plan, self.last, self.other, self.going = sim.plan, 0.0, None, True
-        self.found: list[tuple[float, float, int]] = []        # strain, its estimate, frame
+        self.plan, self.given, self.last, self.going = sim.plan, sim.given, 0.0, True
+        self.made, self.on = type(sim), {"device": sim.device, "precision": sim.precision}
+        self.waiting: list[Strained] = []                      # states whose estimates are still to be made
+        self.known: list[tuple[float, float, int]] = []        # strain, its estimate, frame
 
     def look(self, sim) -> bool:
         """Looks at a frame that was stepped; False: no more are looked at."""
         if sim.plan is not self.plan or sim.changes:
             return False
-        now = peak_strain(sim)
+        now, clock = peak_strain(sim), sim.plan.clock
         if now > max(LEAST, GROWN * self.last):
             self.last = now
-            try:
-                self.found.append((now, self.estimate(sim), sim.frame))
-            except SceneError:                                 # it cannot go on from there
-                return False
-        if sim.frame < FRAMES and len(self.found) < CHECKS:
-            return True
-        self.other = None
-        return False
+            fields = {path: sim.fields(path) for path in sim.state.paths()}
+            self.waiting.append(Strained(now, sim.frame, clock.steps, clock.iterations, fields))
+        return sim.frame < FRAMES and len(self.waiting) + len(self.known) < CHECKS
 
-    def estimate(self, sim) -> float:
-        """Strain after one substep more."""
-        steps = self.plan.clock.steps
-        if self.other is None:
-            parts, sweeps = PARTS[self.plan.clock.iterations > 1]
-            finer = replace(sim.given, solver="xpbd", integrator="backward_euler", fps=sim.given.fps * steps, substeps=parts,
-                            iterations=sweeps)
-            self.other = type(sim)(finer, device=sim.device, precision=sim.precision)
-            # a frame of ribbon's estimate, CPU ms: launched 26, captured 78 and then 11; on an H200 launched 100 to 115
-            self.other.graphs.wanted = bool(sim.device.is_cuda)
-        self.other.restart(sim.frame * steps, {path: sim.fields(path) for path in sim.state.paths()}, alike=False)
-        self.other.step()
-        return peak_strain(self.other)
+    @property
+    def found(self) -> list[tuple[float, float, int]]:
+        """Strains, their estimates and frames. Makes the estimates that are not there yet."""
+        other, of = None, (0, 0)
+        while self.waiting:
+            state = self.waiting.pop(0)
+            try:
+                if (state.steps, state.sweeps) != of:
+                    other, of = self.finer(state), (state.steps, state.sweeps)
+                self.known.append((state.strain, estimate(other, state), state.frame))
+            except SceneError:                                 # it cannot go on from there
+                self.waiting, self.going = [], False
+        return self.known
+
+    def finer(self, state: Strained):
+        """A simulation whose frames are substeps of the run, divided into parts."""
+        parts, sweeps = PARTS[state.sweeps > 1]
+        finer = replace(self.given, solver="xpbd", integrator="backward_euler", fps=self.given.fps * state.steps,
+                        substeps=parts, iterations=sweeps)
+        other = self.made(finer, **self.on)
+        # a frame of ribbon's estimate, CPU ms: launched 26, captured 78 and then 11; on an H200 launched 100 to 115
+        other.graphs.wanted = bool(self.plan.model.device.is_cuda)
+        return other
 
     def warnings(self) -> list[str]:
         """A warning of the frame that is stretched most beyond its estimate."""
@@ -80,6 +101,13 @@ class Settled:
         return [f"warning: /: edges strain by up to {100.0 * s:.2g} % in frame {frame}, where a converged run has about "
                 f"{100.0 * right / SPREAD:.2g} to {100.0 * right:.2g} %: {steps} x {sweeps} sweeps leave the rest; "
                 'name more substeps or iterations, or solver "explicit"']
+
+
+def estimate(other, state: Strained) -> float:
+    """Strain after one substep more. other: steps it."""
+    other.restart(state.frame * state.steps, state.fields, alike=False)
+    other.step()
+    return peak_strain(other)
 
 
 def peak_strain(sim) -> float:
