@@ -37,10 +37,10 @@ ROUNDS = 12
 # over all substeps; the place of a point of one, and 1; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and of
 # what was cut of it; substeps running in which a point lost more than LOSS of its motion, at most and at the end; of the
 # colliders of pairs that are left without a proof the last, its number and 1, and the first, MOST less its number; percent of a
-# mean edge by which surfaces that met came nearer in a substep, at most, where it was more than one
+# mean edge by which surfaces that met came nearer in a substep, at most, where it was more than one; pairs of a list, at most
 WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY, PINCHED, WHERE = range(13)
-MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER, FAST = range(13, 20)
-SAID, MOST = 20, 1 << 30
+MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER, FAST, LISTED = range(13, 21)
+SAID, MOST = 21, 1 << 30
 LOSS = 0.05            # of its motion that a point may lose in a substep
 UNIT = 2.0 ** 56       # per kg m^2
 
@@ -163,6 +163,8 @@ def tell(real, module):
         said[RUN] = wp.max(said[RUN], words[pairs.RUN])
         said[RUNNING] = words[pairs.RUN]
         said[WANTED] = wp.max(said[WANTED], words[pairs.LACKED])
+        said[LISTED] = wp.max(said[LISTED], words[pairs.LISTED])
+        words[pairs.LISTED] = 0
         rounds = words[pairs.SWEPT]
         if rounds > 0:
             said[PROJECTED] = said[PROJECTED] + 1

@@ -212,6 +212,8 @@ def listed(real, module):
             over = float(found.count[0]) / float(found.capacity)
             more = (found.count[0] - found.capacity) / CANDIDATES
             wanted = near.capacity + wp.max(int((over - 1.0) * float(near.capacity)), more) + 1
+        full = int(float(found.count[0]) / float(found.capacity) * float(near.capacity))
+        words[pairs.LISTED] = wp.max(words[pairs.LISTED], wp.max(near.count[0], full))
         if wanted > near.capacity:
             words[pairs.LACKED] = wp.max(words[pairs.LACKED], wanted)
             near.count[0] = 0

@@ -118,6 +118,22 @@ def test_lists_that_grow_leave_their_graph_valid(solver):
     assert np.array_equal(*places)
 
 
+def test_a_list_that_is_half_full_gets_room_between_frames(monkeypatch):
+    """No frame is repeated or captured anew for it, and pairs remember what they did: the run has the bits of one with room."""
+    places = []
+    for each in (100, 30):
+        monkeypatch.setattr(near, "EACH", each)
+        sim = run(crumple(3, 24, 8.0, **SOLVERS["xpbd"]))
+        own = sim.plan.method("selfcontact").near
+        room = own.capacity
+        sim.run(3)
+        captured = len(sim.graphs.log)
+        sim.step()
+        places.append(sim.positions())
+        assert (own.capacity > room) == (each == 30) and not sim.repeats and len(sim.graphs.log) == captured
+    assert np.array_equal(*places)
+
+
 def test_a_first_list_finds_room_before_its_frame_is_recorded(monkeypatch):
     places = []
     for each in (100, 1):

@@ -264,6 +264,8 @@ class SelfContact(Method):
         self.swept, self.taken = self.swept + float(moved) * self.clock.h, self.taken + float(taken)
         self.frames += 1
         self.apart.end(self.clock, said[cut.BUSY] > 1)
+        if self.near.widen(int(said[cut.LISTED])):
+            self.room()
         return frame_warnings(self, said)
 
     def resumed(self, time: float) -> None:

@@ -1,7 +1,8 @@
 """The list of near pairs: when it is made, and what it holds on. See kernels/selfcontact/search.py and tubes.py.
 
 Kernels read the list from a struct on the device (`wsim.model.structs.Placed`), and their threads are as many whatever room it
-has: where it grows, the frame is repeated with the same graph.
+has: graphs stay valid when it grows. A list that is half full at the end of a frame gets more room before the next one, and
+keeps what it holds. A list that overflows within a frame makes the frame be repeated.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, search, tubes
-from wsim.model.structs import Placed, filled
+from wsim.model.structs import Placed, filled, values
 from wsim.physics.selfcontact.modules import core
 from wsim.physics.selfcontact.tree import Order, Tree
 
@@ -100,6 +101,13 @@ class Near:
 
     def room(self, capacity: int) -> None:
         """Arrays for so many pairs; the list is to be made anew."""
+        self.allocate(capacity)
+        for count in (self.pairs.count, self.pairs.rows, self.pairs.active, self.found_at.struct.count):
+            count.zero_()
+        self.anew()
+
+    def allocate(self, capacity: int) -> None:
+        """Empty arrays for so many pairs and for their candidates."""
         zeros, t = partial(wp.zeros, capacity, device=self.model.device), types(self.model.real)
         scalars, vectors = ("keep", "away", "gap", "least"), ("n", "push", "past")
         self.capacity = capacity
@@ -112,9 +120,6 @@ class Near:
             self.solve()
         room = AROUND * len(self.surfaces.points) + search.CANDIDATES * capacity
         self.found_at.put(capacity=room, pair=wp.zeros(room, dtype=wp.vec2i, device=self.model.device))
-        for count in (self.pairs.count, self.pairs.rows, self.pairs.active, self.found_at.struct.count):
-            count.zero_()
-        self.anew()
 
     def solve(self) -> None:
         """Arrays of rows that Newton steps solve for, for as many as there is room for."""
@@ -126,6 +131,18 @@ class Near:
         """Room for more than so many pairs: a frame ends at the first list that has none, and may only be repeated a few times.
         """
         self.room(MORE * wanted)
+
+    def widen(self, most: int) -> bool:
+        """Makes room after a frame in which a list held so many pairs, if that is more than half of what there is room for.
+        The list stays as it is. True: there is more room."""
+        if 2 * most <= self.capacity:
+            return False
+        before = values(self.pairs)
+        self.allocate(MORE * most)
+        for name, array in values(self.pairs).items():
+            if isinstance(array, wp.array) and array is not before[name] and len(before[name]):
+                wp.copy(array, before[name], count=len(before[name]))
+        return True
 
     def anew(self) -> None:
         """Clears what a frame that was given up has left."""
