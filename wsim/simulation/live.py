@@ -22,27 +22,17 @@ from wsim.scene.nodal.separate import apart
 from wsim.scene.values import table
 from wsim.scene.values.value import Value
 from wsim.simulation import retry, varying
+from wsim.simulation.measure.captures import capture_forms
 
 if TYPE_CHECKING:
     from wsim.simulation.simulation import Simulation
 
 
 def prepare(sim: Simulation) -> None:
-    """Compiles kernels and captures the graphs of frames with contacts and without, and of those with contacts that follow on
-    one without ("met again"): see `Simulation.prepare`."""
+    """Compiles kernels and captures all graphs: see `Simulation.prepare`."""
     sim.load()
     retry.begin(sim)
-    plan, clock = sim.plan, sim.plan.clock
-    before, clock.starting = (clock.free, clock.after_free, clock.starting), False
-    whole = plan.parted and bool(plan.find("whole frames"))
-    for clock.free in (False, True) if plan.parted else before[:1]:
-        clock.after_free = clock.free and whole
-        if sim.graph is None:
-            sim._capture()
-    clock.free, clock.after_free = False, whole
-    if plan.starts:
-        sim.graphs["met again"] = sim._capture()
-    clock.free, clock.after_free, clock.starting = before
+    capture_forms(sim)
 
 
 def set_value(sim: Simulation, path: str, name: str, value, world) -> None:

@@ -1,6 +1,6 @@
 """Runs a scene, frame by frame. A frame is a transaction: it is committed whole or repeated.
 
-All substeps of a frame are captured once as a graph and replayed; where all launch the same, they are a loop in it
+All substeps of a frame are captured as a graph and replayed; where all launch the same, they are a loop in it
 (`wsim.model.launches.Loop`). After each frame one small status word is read; where it says that a buffer overflowed, a residual
 was missed or a position is no number, the frame's snapshot is restored, the buffer grown or the variant switched, and the frame
 repeated: by a new graph if the old one knows what has changed (`wsim.simulation.measure.captures`). Nothing is dropped in
@@ -24,7 +24,7 @@ from wsim.scene.check.scene import check
 from wsim.simulation import duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
-from wsim.simulation.measure.captures import Graphs
+from wsim.simulation.measure.captures import Graphs, capture_forms, capture_frame
 from wsim.simulation.measure.exceeded import Note, note
 from wsim.simulation.measure.host import Host
 from wsim.simulation.predicted.measured import follow
@@ -135,6 +135,11 @@ class Simulation:
         self.forms["free" if self.plan.clock.free else "met"] += 1
         self.frame += 1
         self.host.call("status", note, self)
+        if not self.milliseconds and self.device.is_cuda and self.graphs.wanted and self.plan.fits:
+            try:
+                capture_forms(self)
+            except RuntimeError as error:
+                raise retry.refused(error, self.device) from None
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
         self.seconds.setdefault("first_frame", time.perf_counter() - began)
         if self.balance:
@@ -173,7 +178,7 @@ class Simulation:
 
     def _replay(self) -> None:
         if not self.plan.starts and (self.graph or self.graphs.wanted and self.plan.fits):
-            wp.capture_launch(self.graph or self._capture())
+            wp.capture_launch(self.graph or capture_frame(self))
         elif "met again" in self.graphs and not self.plan.clock.starting:
             wp.capture_launch(self.graphs["met again"])
         else:
@@ -189,14 +194,6 @@ class Simulation:
         from wsim.simulation import live
         with GATE.alone():
             live.prepare(self)
-
-    def _capture(self) -> wp.Graph:
-        clock = self.plan.clock
-        graph = self.graphs.capture(self.device, self.frame + 1, clock.form, self.plan.frame)
-        if not self.plan.starts:
-            self.graphs[clock.free] = graph
-        self.seconds["capture"] = self.graphs.log[-1].seconds
-        return graph
 
     def reset(self, world: int | None = None) -> None:
         """Sets the simulation back to the scene's initial state, with the scene's own parameters; or one world alone, while its

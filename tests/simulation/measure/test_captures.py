@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gpu.test_free_frames import net
 from tests.physics.selfcontact.rig import SOLVERS, crumple
 from wsim.model import launches
+from wsim.scene import Plane
 from wsim.simulation import report
+from wsim.simulation.measure.captures import capture_forms
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
 
@@ -78,6 +81,22 @@ def test_a_run_tells_when_and_why_it_captured():
     assert "captured 3 times" in report.text(sim.report() | {"captures": late})
     assert "1 of them after frame 10" in report.text(sim.report() | {"captures": late})
     assert "frame 11, with contacts: another solver" in report.text(sim.report() | {"captures": late})
+
+
+def test_forms_that_are_captured_early_have_the_bits_of_forms_captured_when_they_come():
+    """Of a net that falls on the ground: without contacts, with them behind such a frame, with them. A GPU
+    captures all three behind the first frame."""
+    places, captured = [], []
+    for early in (False, True):
+        sim = Simulation(net(8, Plane(), at=(0.0, 0.0, 0.0), height=0.6, velocity=(0.0, 0.0, -8.0), pinned=False), device="cpu")
+        sim.step()
+        if early:
+            capture_forms(sim)
+        before = len(sim.graphs.log)
+        sim.run(6)
+        captured.append(len(sim.graphs.log) - before)
+        places.append(sim.positions())
+    assert captured == [2, 0] and sim.forms["free"] > 1 and np.array_equal(*places)
 
 
 def test_nothing_is_captured_or_repeated_once_a_run_is_prepared():

@@ -1,7 +1,8 @@
 """Graphs of a run's frames, and the log of their captures: in which frame, of which form, why, and how long each took.
 
 A capture takes a GPU about 35 us for each launch of a frame, so that a frame of 10,000 launches stands still for a third of a
-second. A run is to capture each form of a frame once, in its first frames.
+second. On a GPU a run captures every form of a frame behind its first one, which is slow anyway. A CPU takes about as long for
+a capture as for a frame, and captures a form in the first frame that has it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from wsim.model import kernel_cache
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from wsim.simulation.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -56,3 +59,29 @@ class Graphs(dict[object, wp.Graph]):
     def told(self) -> list[dict]:
         """The log for a report."""
         return [asdict(capture) for capture in self.log]
+
+
+def capture_frame(sim: Simulation) -> wp.Graph:
+    """A graph of the frame to come. It is kept for others of its form, if these launch the same."""
+    clock = sim.plan.clock
+    graph = sim.graphs.capture(sim.device, sim.frame + 1, clock.form, sim.plan.frame)
+    if not sim.plan.starts:
+        sim.graphs[clock.free] = graph
+    sim.seconds["capture"] = sim.graphs.log[-1].seconds
+    return graph
+
+
+def capture_forms(sim: Simulation) -> None:
+    """Captures every form of a frame that has no graph yet: with contacts, without, and with contacts behind a frame without
+    ("met again"). Tables of a frame must be there."""
+    plan, clock = sim.plan, sim.plan.clock
+    before, clock.starting = (clock.free, clock.after_free, clock.starting), False
+    whole = plan.parted and bool(plan.find("whole frames"))
+    for clock.free in (False, True) if plan.parted else before[:1]:
+        clock.after_free = clock.free and whole
+        if sim.graph is None:
+            capture_frame(sim)
+    clock.free, clock.after_free = False, whole
+    if plan.starts and "met again" not in sim.graphs:
+        sim.graphs["met again"] = capture_frame(sim)
+    clock.free, clock.after_free, clock.starting = before
