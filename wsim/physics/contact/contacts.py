@@ -64,6 +64,7 @@ class Contacts:
         leaves an overlap: its step is no motion, and a multistep integrator forgets it."""
         self.device, self.real, self.types = wp.get_device(device), real, types(real)
         self.launch: Callable = partial(wp.launch, device=self.device)    # (kernel, dim, inputs, outputs)
+        self.launch_blocks: Any = None                     # (kernel, blocks, threads, inputs, outputs), of a model on CUDA
         self.zero: Callable = wp.array.zero_
         self.cleared = False                             # `wsim.physics.contact.broad.cleared`
         self.search_kernel: Any = None                   # see `searches`

@@ -113,6 +113,9 @@ class Mesh:
         if loop and of.refit_kernel is None:
             from wsim.kernels.math import mesh_refit
             threads = len(self.triangles)
+            if threads <= mesh_refit.SMALL:
+                of.launch_blocks(mesh_refit.fit_block(), 1, mesh_refit.BLOCK, [mesh.id], [])
+                return
             for kernel in (mesh_refit.bound(), mesh_refit.fit()):
                 of.launch(kernel, threads, [mesh.id, threads], [])
         elif of.refit_kernel is None:
@@ -129,3 +132,15 @@ def deforming(meshes, module, cpu: bool) -> tuple:
         return None, None
     from wsim.kernels.animation import deformed
     return deformed.pose_mesh(module), deformed.refit(module) if cpu else None
+
+
+def make_trees(model, meshes) -> None:
+    """Makes the kernels by which a loop on a GPU fits the trees of meshes that deform."""
+    from wsim.kernels.math import mesh_refit
+    small = {len(mesh.triangles) <= mesh_refit.SMALL for mesh in meshes if mesh.moves}
+    if True in small:
+        model.modules[mesh_refit.BLOCK_MODULE] = mesh_refit.BLOCK
+        mesh_refit.fit_block()
+    if False in small:
+        model.modules[mesh_refit.MODULE] = model.block
+        mesh_refit.bound(), mesh_refit.fit()

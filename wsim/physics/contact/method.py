@@ -80,7 +80,7 @@ class Contact(Method):
         self.contacts = Contacts(bodies, device=model.device, real=model.real, module=model.module,
                                  substeps=clock.substeps, dt=clock.dt, struck=points.struck,
                                  turned=model.gradients)
-        self.contacts.launch, self.contacts.zero = model.launch, model.zero
+        self.contacts.launch, self.contacts.zero, self.contacts.launch_blocks = model.launch, model.zero, model.launch_blocks
         self.short(points.integrator.explicit, edged)
         self.contacts.adjoint = beside(model, Contacts.__module__, "ContactAdjoint", self.contacts, model)
         state.points.take(Field("mark", "", True, "whether a point touched or was inside", "int"), self.contacts.mark)
@@ -119,9 +119,8 @@ class Contact(Method):
         """Parts that explicit steps have, which are many and short, and contacts of edges."""
         self.alike = self.movers is None and not edged and self.contacts.tree is None
         if self.alike and not explicit and self.model.device.is_cuda and any(m.moves for m in self.contacts.meshes.values()):
-            from wsim.kernels.math import mesh_refit
-            self.model.modules[mesh_refit.MODULE] = self.model.block
-            mesh_refit.bound(), mesh_refit.fit()
+            from wsim.physics.contact import mesh
+            mesh.make_trees(self.model, self.contacts.meshes.values())
         if self.movers is None:
             self.contacts.smooth(self.model.scene, explicit)
         if explicit and self.contacts.meshes and not self.model.gradients:
