@@ -11,6 +11,8 @@ from typing import Any
 import warp as wp
 
 BLOCK = 512            # threads of the one block that sweeps; registers are kept so that it fits, in float64 too
+SHARE = 256            # threads of a block of a cluster that sweeps
+CLUSTERS = 90          # compute capability that has clusters
 SNIPPET = """
 #if defined(__CUDA_ARCH__)
     {cuda}

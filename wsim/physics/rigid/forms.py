@@ -18,7 +18,6 @@ from wsim.kernels.rigid.graph import colours
 from wsim.physics.motion.cluster import LARGE, MANY
 
 RULE = 2                  # of `chosen`; a change of it changes which form a scene takes
-CLUSTERS = 90             # compute capability that has clusters
 THREADS = 256             # of a block, for which there are 255 registers each
 SMALL = 256               # shapes up to which a block has a thread for each manifold of a colour
 HUGE = 768                # shapes from which one cluster is few (H200: 1000 in a pile 12.3 ms a frame against 10.9 by launches,
@@ -208,10 +207,10 @@ def chosen(device, shapes: int) -> Form:
         return Form("listed")
     if shapes > HUGE:
         return named("launches", device)
-    return named("block" if shapes <= SMALL or device.arch < CLUSTERS else "cluster", device)
+    return named("block" if shapes <= SMALL or device.arch < block.CLUSTERS else "cluster", device)
 
 
 def named(name: str, device) -> Form:
     """The form of a name with the blocks that a device has for it."""
-    clusters = device.is_cuda and device.arch >= CLUSTERS and name in ("cluster", "launches")
+    clusters = device.is_cuda and device.arch >= block.CLUSTERS and name in ("cluster", "launches")
     return Form(name, (16 if device.arch == LARGE and device.sm_count >= MANY else 8) if clusters else 1)

@@ -7,6 +7,7 @@ import warp as wp
 
 from wsim.geometry.sheet_ordering import lowest
 from wsim.geometry.topology import order_of
+from wsim.kernels.math.block import CLUSTERS, SHARE
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.solver import xpbd as kernels
@@ -21,7 +22,7 @@ from wsim.physics.cloth.table import Table
 FUSE = 512            # constraints of a world's largest colour up to which one block takes all its colours in a launch. H200:
                       # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3. H100, 4096
                       # worlds of 1k points, a frame of one: 2.9 us by blocks of 512 threads, 3.1 of 256, 4.6 of 128
-
+CLUSTER, SHARED = 8, 4096      # blocks of a cluster, which fit everywhere; constraints of a colour up to which one takes all
 
 PACKED = True          # membranes and hinges by eights on a CPU: tests compare
 
@@ -42,6 +43,8 @@ class Batch(Table):
         self.worlds = 1 if model.gradients else model.worlds          # blocks of a sweep; with adjoints there is one
         largest = int(np.diff(self.starts).max()) // self.worlds
         self.fused = FUSE > 0 and not model.fuser and (not model.device.is_cuda or largest <= FUSE)
+        shared = FUSE > 0 and model.device.is_cuda and not self.fused and not model.fuser and not model.gradients
+        self.cluster = CLUSTER if shared and largest <= SHARED and model.device.arch >= CLUSTERS else 0
         self.packed = PACKED and self.fused and model.device.is_cpu and self.row.packets and self.kind != "distance"
         self.packed = self.packed and not model.gradients             # eight constraints at a time
         self.remade = False
@@ -104,6 +107,8 @@ class Batch(Table):
         model = self.model
         kind = {"real": model.real, "multipliers": self.multipliers, "damped": self.damped, "uniform": self.uniform,
                 "exact": model.gradients}
+        if self.cluster:
+            return kernels.sweep(self.row.equation, module=model.module_of(SHARE, "sweep"), cluster=self.cluster, **kind)
         if not self.fused:
             return kernels.projection(self.row.equation, module=model.module, **kind)
         if self.packed:
