@@ -70,3 +70,77 @@ def couple(real):
         return K * L
 
     return arms, lever, turn
+
+
+@cache
+def holding(real):
+    """(Held, hold): struct of one pair, and function (s, at, climb, turn, j, near, to) -> it, of row j. With q_k = d_k - d_0,
+    of the last three points, since weights and arms have the sum 0:
+
+        C = gap + n . sum_k b_k q_k           slip = sum_k b_k q_k - anchor - (K (sum_k r_k x q_k - moment)) x D
+    """
+    t = types(real)
+    Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
+    arms, lever, _ = couple(real)
+    points = wp.types.matrix((4, 3), real)
+
+    @wp.struct
+    class Held:
+        ids: wp.vec4i
+        b: t.vec4
+        w: t.vec4                                 # inverse masses [1/kg]
+        n: t.vec3
+        gap: t.scalar                             # [m]
+        keep: t.scalar                            # [m]
+        W: t.scalar
+        mu: t.vec2
+        anchor: t.vec3                            # [m]
+        r: points                                 # arms [m]; 0 as D and K are where there is no couple
+        D: t.vec3                                 # way between the closest points [m]
+        K: t.mat33
+        moment: t.vec3                            # of anchors [m^2]
+        push: t.vec3                              # P [m kg]
+        prior: t.vec3
+
+    @wp.func
+    def mass(turn: bool, b: real, q: int, s: Surfaces, to: Sums):
+        """A point's part of W."""
+        if turn:
+            return b * b * s.w[q]
+        return wp.abs(b) * s.w[q] * real(to.share[q]) / real(pairs.SHARES)
+
+    @wp.func
+    def hold(s: Surfaces, at: State, climb: real, turn: bool, j: int, near: Pairs, to: Sums):
+        h = Held()
+        h.ids = near.four[j]
+        h.b = near.swept[4 * j + pairs.B]
+        there = near.swept[4 * j + pairs.NORMAL]
+        pushed = near.swept[4 * j + pairs.PUSH]
+        prior = near.swept[4 * j + pairs.PRIOR]
+        h.n = t.vec3(there[0], there[1], there[2])
+        h.push = t.vec3(pushed[0], pushed[1], pushed[2])
+        h.prior = t.vec3(prior[0], prior[1], prior[2])
+        h.keep = pushed[3]
+        o = h.ids[0]
+        started, W, mu, rubs = t.vec3(), real(0.0), t.vec2(), real(1.0)
+        for k in range(4):
+            q = h.ids[k]
+            started += h.b[k] * (at.e[q] - at.e[o])
+            h.anchor += h.b[k] * (at.a[q] - at.a[o])
+            h.w[k] = s.w[q]
+            W += mass(turn, h.b[k], q, s, to)
+            mu += real(0.5) * wp.abs(h.b[k]) * s.friction[q]
+            rubs *= s.w[q]
+        h.W = W
+        h.mu = mu
+        h.gap = there[3] - wp.min(h.keep, there[3] + climb) - wp.dot(h.n, started)
+        if mu[0] * rubs > real(0.0):                      # what cannot move takes moments
+            r, D = arms(s, at, h.ids, h.b)
+            h.r = r
+            h.D = D
+            h.K = lever(r)
+            for k in range(1, 4):
+                h.moment += wp.cross(r[k], at.a[h.ids[k]] - at.a[o])
+        return h
+
+    return Held, hold

@@ -27,13 +27,14 @@ rests is pressed by all at once, which share it evenly: in turn their order woul
 """
 
 from functools import cache
+from typing import Any
 
 import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
-from wsim.kernels.selfcontact.couple import couple
+from wsim.kernels.selfcontact.couple import holding
 
 SMALL = 1e-3           # of what a pair keeps: one that is as near to it takes part in the last sweep of an iteration only,
 DEPTH = 0.5            # of what a pair is to keep: sweeps go on while one would end nearer
@@ -45,12 +46,12 @@ CALM = 1e-4            # if it slips and errs by less than this over the substep
 
 @cache
 def asking(real):
-    """Function (at, climb, calm, all, j, near, to): lists row j among those that take part in sweeps to come, if it does."""
+    """Function (at, climb, calm, all, j, near): True if row j takes part in sweeps to come."""
     t = types(real)
-    Pairs, State, Sums = pairs.lists(real), states(real), pairs.sums(real)
+    Pairs, State = pairs.lists(real), states(real)
 
     @wp.func
-    def ask(at: State, climb: real, calm: real, all: int, j: int, near: Pairs, to: Sums):
+    def ask(at: State, climb: real, calm: real, all: int, j: int, near: Pairs):
         ids = near.four[j]
         b = near.swept[4 * j + pairs.B]
         there = near.swept[4 * j + pairs.NORMAL]
@@ -70,13 +71,15 @@ def asking(real):
                 for k in range(4):
                     slip += b[k] * (at.d[ids[k]] - at.a[ids[k]])
                 takes = wp.length(slip - wp.dot(slip, n) * n) > small
-        if takes:
-            near.on[wp.atomic_add(near.active, 0, 1)] = j
-            for k in range(4):
-                share = int(wp.ceil(wp.abs(b[k]) * real(pairs.SHARES)))
-                wp.atomic_add(to.share, ids[k], wp.max(share, 1))         # couples move all four
+        return takes
 
     return ask
+
+
+@wp.func
+def weight(b: Any):
+    """Weight of a point in whole numbers; at least 1, since couples move all four."""
+    return wp.max(int(wp.ceil(wp.abs(b) * type(b)(pairs.SHARES))), 1)
 
 
 @cache
@@ -90,7 +93,10 @@ def lean(real, module):
         near = near_at[0]
         j = wp.tid()
         while j < near.rows[0]:
-            ask(at, climb, calm, all, j, near, to)
+            if ask(at, climb, calm, all, j, near):
+                near.on[wp.atomic_add(near.active, 0, 1)] = j
+                for k in range(4):
+                    wp.atomic_add(to.share, near.four[j][k], weight(near.swept[4 * j + pairs.B][k]))
             j += threads
 
     return lean_pairs
@@ -111,19 +117,11 @@ def leads(real):
 
 @cache
 def pressing(real):
-    """Function (s, at, climb, turn, lead, j, near, to): row j pushes; how far its points come by that, less what is calm [m].
-    turn: at once, in turn. lead: see `leads`."""
+    """Function (at, h, climb, turn, lead, to) -> (h, change): pair h with the push of one sweep, which goes to its points; how
+    far these come by that, less what is calm [m]. turn: at once, in turn. lead: see `leads`."""
     t = types(real)
-    Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
-    fixed, (arms, lever, torque) = pairs.fixed(real), couple(real)
-    points = wp.types.matrix((4, 3), real)
-
-    @wp.func
-    def mass(turn: bool, b: real, q: int, s: Surfaces, to: Sums):
-        """A point's part of W."""
-        if turn:
-            return b * b * s.w[q]
-        return b * s.w[q] * real(to.share[q]) / real(pairs.SHARES)
+    State, Sums = states(real), pairs.sums(real)
+    fixed, (Held, _) = pairs.fixed(real), holding(real)
 
     @wp.func
     def after(n: t.vec3, push: t.vec3, C: real, W: real, slip: t.vec3, mu: t.vec2):
@@ -138,10 +136,10 @@ def pressing(real):
         return lam * n + T
 
     @wp.func
-    def beyond(lead: real, n: t.vec3, push: t.vec3, then: t.vec3, before: t.vec4):
+    def beyond(lead: real, n: t.vec3, push: t.vec3, then: t.vec3, before: t.vec3):
         """The push that leads ahead of what the sweep has made of it."""
         if lead > real(0.0) and wp.dot(then, n) > real(0.0) and wp.dot(push, n) > real(0.0):
-            ahead = then + lead * (then - t.vec3(before[0], before[1], before[2]))
+            ahead = then + lead * (then - before)
             if wp.dot(ahead, n) > real(0.0):
                 return ahead
         return then
@@ -154,50 +152,48 @@ def pressing(real):
             fixed(to, k, change)
 
     @wp.func
-    def one(s: Surfaces, at: State, climb: real, turn: bool, lead: real, j: int, near: Pairs, to: Sums):
-        """One pair; how far its points come by that, less what is calm [m]."""
-        ids = near.four[j]
-        b = near.swept[4 * j + pairs.B]
-        there = near.swept[4 * j + pairs.NORMAL]
-        pushed = near.swept[4 * j + pairs.PUSH]
-        n = t.vec3(there[0], there[1], there[2])
-        W, rubs = real(0.0), real(1.0)
-        C = there[3] - wp.min(pushed[3], there[3] + climb)
-        slip, D, mu = t.vec3(), t.vec3(), t.vec2()
-        r, d = points(), points()
-        push = t.vec3(pushed[0], pushed[1], pushed[2])
-        for k in range(4):
-            C += b[k] * wp.dot(n, at.d[ids[k]] - at.e[ids[k]])
+    def press(at: State, h: Held, climb: real, turn: bool, lead: real, to: Sums):
+        o = at.d[h.ids[0]]
+        q1 = at.d[h.ids[1]] - o
+        q2 = at.d[h.ids[2]] - o
+        q3 = at.d[h.ids[3]] - o
+        way = h.b[1] * q1 + h.b[2] * q2 + h.b[3] * q3
+        C = h.gap + wp.dot(h.n, way)
+        push = h.push
         if C >= real(0.0) and wp.dot(push, push) == real(0.0):       # it did not push, and does not
-            near.swept[4 * j + pairs.PRIOR] = t.vec4()
-            return real(0.0)
-        for k in range(4):
-            q = ids[k]
-            W += mass(turn, wp.abs(b[k]), q, s, to)
-            d[k] = at.d[q] - at.a[q]
-            slip += b[k] * d[k]
-            mu += real(0.5) * wp.abs(b[k]) * s.friction[q]
-            rubs *= s.w[q]
-        K = t.mat33()
-        if mu[0] * rubs > real(0.0):                      # what cannot move takes moments
-            r, D = arms(s, at, ids, b)
-            K = lever(r)
-            slip -= wp.cross(torque(K, r, d), D)
-        if W <= real(0.0):
-            return real(0.0)
+            h.prior = t.vec3()
+            return h, real(0.0)
+        if h.W <= real(0.0):
+            return h, real(0.0)
+        turning = wp.cross(h.r[1], q1) + wp.cross(h.r[2], q2) + wp.cross(h.r[3], q3) - h.moment
+        slip = (way - h.anchor) - wp.cross(h.K * turning, h.D)
         over = wp.where(turn or lead > real(0.0), real(1.0), real(pairs.OVER))
-        then = after(n, push, over * C, W, slip, mu)
-        before = near.swept[4 * j + pairs.PRIOR]
-        near.swept[4 * j + pairs.PRIOR] = t.vec4(then[0], then[1], then[2], real(0.0))
-        then = beyond(lead, n, push, then, before)
-        near.swept[4 * j + pairs.PUSH] = t.vec4(then[0], then[1], then[2], pushed[3])
-        near.push[near.row[j]] = then
-        back = K * wp.cross(D, then - push)
+        then = after(h.n, push, over * C, h.W, slip, h.mu)
+        before = h.prior
+        h.prior = then
+        then = beyond(lead, h.n, push, then, before)
+        h.push = then
+        back = h.K * wp.cross(h.D, then - push)
         for k in range(4):
-            give(turn, at, ids[k], s.w[ids[k]] * (b[k] * (then - push) - wp.cross(back, r[k])), to)
-        return W * wp.length(then - push) - wp.min(real(SMALL) * pushed[3], real(CALM / RECOVERY) * climb)
+            give(turn, at, h.ids[k], h.w[k] * (h.b[k] * (then - push) - wp.cross(back, h.r[k])), to)
+        return h, h.W * wp.length(then - push) - wp.min(real(SMALL) * h.keep, real(CALM / RECOVERY) * climb)
 
-    return one
+    return press
+
+
+@cache
+def writing(real):
+    """Function (h, j, near): writes what pair h of row j pushes with."""
+    t = types(real)
+    Pairs, (Held, _) = pairs.lists(real), holding(real)
+
+    @wp.func
+    def write(h: Held, j: int, near: Pairs):
+        near.swept[4 * j + pairs.PRIOR] = t.vec4(h.prior[0], h.prior[1], h.prior[2], real(0.0))
+        near.swept[4 * j + pairs.PUSH] = t.vec4(h.push[0], h.push[1], h.push[2], h.keep)
+        near.push[near.row[j]] = h.push
+
+    return write
 
 
 @cache
@@ -206,7 +202,7 @@ def press(real, module, turns=False):
     sweep in its block of those that lead ahead; -1: it does not; SPARED: nor is it taken in turn. threads: as `lean`. turns:
     some are in turn."""
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
-    one, lead_of = pressing(real), leads(real)
+    (_, hold), act, write, lead_of = holding(real), pressing(real), writing(real), leads(real)
 
     @wp.kernel(module=module, enable_backward=False)
     def press_pairs(s: Surfaces, at: State, climb: real, more: int, threads: int, near_at: wp.array(dtype=Pairs),
@@ -219,7 +215,9 @@ def press(real, module, turns=False):
         j = wp.tid()
         most = real(0.0)
         while j < near.active[0]:
-            most = wp.max(most, one(s, at, climb, turn, lead, near.on[j], near, to))
+            h, change = act(at, hold(s, at, climb, turn, near.on[j], near, to), climb, turn, lead, to)
+            write(h, near.on[j], near)
+            most = wp.max(most, change)
             j += threads
         if turn and most <= real(0.0):
             near.active[0] = 0
@@ -229,7 +227,8 @@ def press(real, module, turns=False):
 
 @cache
 def nearer(real, module):
-    """Kernel: words[NEARER] becomes 1 where a pair ends nearer than DEPTH of where it is to be. first 1: words[MORE] begins."""
+    """Kernel: words[NEARER] becomes 1 where a pair ends nearer than DEPTH of where it is to be. first 1: words[MORE] begins, at
+    one block of sweeps."""
     t = types(real)
     Pairs, State = pairs.lists(real), states(real)
 
@@ -239,7 +238,7 @@ def nearer(real, module):
         near = near_at[0]
         j = wp.tid()
         if j == 0 and first > 0:
-            words[pairs.MORE] = 0
+            words[pairs.MORE] = 1
         while j < near.rows[0]:
             ids = near.four[j]
             b = near.swept[4 * j + pairs.B]

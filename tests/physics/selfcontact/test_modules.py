@@ -49,10 +49,11 @@ def test_another_scene_finds_what_the_first_has_loaded():
 
 @pytest.mark.parametrize("solver, precision, wanted", [
     ("newton", "float32", {"wsim_selfcontact_f32": CORE, "wsim_selfcontact_sweeps_f32": SWEEPS,
-                           "wsim_selfcontact_newton_elements_f32": NEWTON}),
-    ("xpbd", "float32", {"wsim_selfcontact_f32": CORE, "wsim_selfcontact_sweeps_turns_f32": SWEEPS}),
+                           "wsim_selfcontact_newton_elements_f32": NEWTON, "wsim_selfcontact_sweep_f32_1_0": 1}),
+    ("xpbd", "float32", {"wsim_selfcontact_f32": CORE, "wsim_selfcontact_sweeps_turns_f32": SWEEPS,
+                         "wsim_selfcontact_sweep_f32_turns_1_0": 1}),
     ("newton midpoint", "float64", {"wsim_selfcontact_f64": CORE, "wsim_selfcontact_sweeps_f64": SWEEPS,
-                                    "wsim_selfcontact_newton_elements_f64": NEWTON})])
+                                    "wsim_selfcontact_newton_elements_f64": NEWTON, "wsim_selfcontact_sweep_f64_1_0": 1})])
 def test_modules_hold_the_same_kernels_in_every_plan(solver, precision, wanted):
     sim = simulated(solver, precision=precision)
     assert {name: n for name, n in modules(sim).items() if name.startswith("wsim_selfcontact")} == wanted

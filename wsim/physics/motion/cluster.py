@@ -11,6 +11,11 @@ ENOUGH, SHORT = 128, 6 # threads of a block that keep four schedulers at work; s
 ROOM = 49152 - 64      # bytes of shared memory beside the barriers
 
 
+def large(device) -> bool:
+    """True if clusters of 16 blocks were run on such a device."""
+    return device.arch == LARGE and device.sm_count >= MANY
+
+
 @dataclass(frozen=True)
 class Cluster:
     """Blocks of so many points; `slots` places in the memory of a block: its own points, and those it hangs on."""

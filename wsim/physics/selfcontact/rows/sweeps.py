@@ -1,22 +1,24 @@
-"""Sweeps over contact rows of surfaces, in turn with contacts of points with colliders. On a GPU, where these are by points
-alone, all sweeps of a call are one launch; else each part of a sweep is a launch."""
+"""Sweeps over contact rows of surfaces, in turn with contacts of points with colliders. Where these are by points alone, all
+sweeps of a call are one launch; else each part of a sweep is a launch."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import wsim.kernels.selfcontact.sweep as kernels
+from wsim.kernels.math.block import CLUSTERS
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import rows
 from wsim.model.structs import filled
+from wsim.physics.motion.cluster import large
 from wsim.physics.selfcontact.modules import sweeps
 
 if TYPE_CHECKING:
     from wsim.model.stage import Clock
     from wsim.physics.selfcontact.method import SelfContact
 
-TOGETHER: bool | None = None     # one launch; None: on a GPU
-EACH = 8                         # threads a point, at most as many as run at once: pairs are several a point
+TOGETHER = True                  # one launch; tests compare
+BLOCKS, CLUSTER = 64, (16, 8)    # blocks, which surely run at once; those of a cluster where as many were run, and elsewhere
 
 
 class Sweeps:
@@ -28,11 +30,13 @@ class Sweeps:
         self.lean, self.press = rows.lean(real, module), rows.press(real, module, turns)
         self.method, self.model, self.turns = method, method.model, turns
         device = self.model.device
-        self.on = not self.model.gradients and (device.is_cuda if TOGETHER is None else TOGETHER)       # wanted
-        self.block = kernels.BLOCK if device.is_cuda else 1
-        most = device.sm_count if device.is_cuda else 1
-        self.blocks = min(max(1, EACH * method.surfaces.total // self.block), most)
-        self.word = wp.zeros(1, dtype=int, device=device)
+        self.on = TOGETHER and not self.model.gradients                        # wanted
+        self.block, self.blocks, self.cluster = 1, 1, 0
+        if device.is_cuda:
+            self.block, self.blocks = kernels.BLOCK, BLOCKS
+            self.cluster = CLUSTER[not large(device)] if device.arch >= CLUSTERS else 0
+        self.words = wp.zeros(kernels.WORDS, dtype=int, device=device)
+        self.moved = wp.zeros(method.surfaces.total, dtype=int, device=device)
         self.kernel: Any = None
 
     def fits(self) -> bool:
@@ -45,10 +49,10 @@ class Sweeps:
         contact = self.method.contact
         if self.fits():
             real, touches = self.model.real, contact is not None
-            words = ["wsim_selfcontact_sweep", types(real).name, *["touches"] * touches, *["turns"] * self.turns, self.block]
-            name = "_".join(map(str, words))
+            how = ["touches"] * touches + ["turns"] * self.turns
+            name = "_".join(map(str, ["wsim_selfcontact_sweep", types(real).name, *how, self.block, self.cluster]))
             self.model.modules[name] = self.block
-            self.kernel = kernels.sweep(real, self.block, touches, self.turns, name)
+            self.kernel = kernels.sweep(real, self.block, touches, self.turns, name, self.cluster)
 
     def sweep(self, clock: Clock, count: int, leads: bool, anew: int, spared: int) -> None:
         """Launches so many sweeps. anew: of them, behind which it is asked anew what takes part; spared: number of the one that
@@ -85,8 +89,8 @@ class Sweeps:
             c, free = contact.contacts, contact.contacts.count
             touch = filled(Touched, rows=c.table, points=c.points, slots=c.slots, push=c.push)
         how = filled(How, climb=rows.RECOVERY * clock.h, calm=rows.CALM * clock.h, count=count, anew=anew, leads=int(leads),
-                     spared=spared, points=len(at.d), free=free, threads=self.blocks * self.block, word=self.word,
+                     spared=spared, free=free, threads=self.blocks * self.block, words=self.words, moved=self.moved,
                      g=contact.step(clock) if contact else clock.g)
-        self.word.zero_()
+        self.words.zero_()
         self.model.launch_blocks(self.kernel, self.blocks, self.block, [method.surfaces.data, at, how, touch, near.table,
                                                                         near.words], [near.sums])
