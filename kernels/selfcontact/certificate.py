@@ -253,7 +253,8 @@ def project(real, module):
 def proceed(module):
     """Kernel: a pass over all pairs is over. Projections go on while pairs lack a proof and rounds are left; then cuts do,
     while pairs lack one or points are out of their tubes. kind: 0 behind the first pass, 1 a projection, 2 a cut; most: cuts.
-    """
+    A first pass counts for nothing where points are out of their tubes: a list of where they are comes first. words[UNPROVEN]:
+    there is more to do behind it."""
     @wp.kernel(module=module, enable_backward=False)
     def proceed_rounds(words: wp.array(dtype=int), kind: int, most: int):
         bad = words[pairs.BAD]
@@ -268,7 +269,9 @@ def proceed(module):
         if kind < 2:
             words[pairs.SWEPT] = wp.max(words[pairs.SWEPT], turn)
             strayed = int(0)
-            if bad > 0 and turn < words[pairs.ROUNDS]:
+            if kind == 0 and words[pairs.OUT] > 0:
+                strayed = 1
+            elif bad > 0 and turn < words[pairs.ROUNDS]:
                 going = 1
             elif words[pairs.OUT] > 0 and words[pairs.MADE] < LISTS:
                 strayed = 1
@@ -276,6 +279,7 @@ def proceed(module):
                 turn = 0
             left = wp.where(going + strayed > 0, 0, left)
             words[pairs.STRAYED] = strayed
+            words[pairs.UNPROVEN] = going + strayed + left
         else:
             words[pairs.TURNED] = turn
             words[pairs.CLOSE] = wp.max(words[pairs.CLOSE], words[pairs.CLOSER])

@@ -44,17 +44,22 @@ class Guarantee:
         near = self.near
         near.move(at, 0)
         near.look(at)
-        wp.capture_if(near.word(pairs.OUT), lambda: self.anew(at, again))
-        wp.capture_if(near.word(pairs.NEAR), lambda: self.prove(at))
+        self.prove(at)
+        wp.capture_if(near.word(pairs.UNPROVEN), lambda: self.finish_proof(at, d, again, said))
+        self.close(said)
+
+    def finish_proof(self, at, d: wp.array, again, said: wp.array) -> None:
+        """What follows a first pass that did not prove all pairs, or was of a list that points had left."""
+        near = self.near
+        wp.capture_if(near.word(pairs.STRAYED), lambda: self.astray(at, again))
         wp.capture_while(near.word(pairs.GOING), lambda: self.push(at, d, again))
         wp.capture_while(near.word(pairs.LEFT), lambda: self.shrink(at, d, again, said))
-        self.close(said)
+        if self.pinch:
+            self.pinch.tell(said)
 
     def close(self, said: wp.array) -> None:
         """Tells the frame what a substep needed."""
         near = self.near
-        if self.pinch:
-            self.pinch.tell(said)
         self.model.launch(self.tell, 1, [near.moments[-1]], [near.sums, near.words, said])
 
     def anew(self, at, again) -> None:
@@ -63,7 +68,7 @@ class Guarantee:
         again()
 
     def astray(self, at, again) -> None:
-        """Projections led points out of their tubes: a list of where they are, and its pairs are proven."""
+        """Points are out of their tubes: a list of where they are, and its pairs are proven."""
         self.anew(at, again)
         self.prove(at)
 

@@ -64,6 +64,7 @@ class SelfContact(Method):
         self.fast = fast.Fast(b.model, b.clock)
         self.strands = b.methods.find("strands")
         self.alike = not self.strands
+        self.steady = False              # True: x, e and a stay as they are from `find` on until a substep ends
         self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
         self.obstacles = self.surfaces.obstacles
         if self.surfaces.state:                          # what moves one moves the other
@@ -115,6 +116,7 @@ class SelfContact(Method):
     def meet(self, others: Methods) -> None:
         self.contact, self.bounce = others.find("contact"), others.find("bounce")
         self.sweeper.meet()
+        self.steady = self.within and not self.strands and not (self.contact and self.contact.movers)
         self.start = self.contact.movers.starts() if self.contact and self.contact.movers else None
         self.settle.meet(others)
         if (terms := others.find("terms")) is not None:
@@ -126,8 +128,8 @@ class SelfContact(Method):
         """The same, with strands and colliders."""
         return self.surfaces.state or self.own()
 
-    def borrow(self) -> None:
-        if self.surfaces.state:
+    def borrow(self, begins: bool = False) -> None:
+        if self.surfaces.state and (begins or not self.steady):
             self.surfaces.borrow(self.model, self.own())
 
     def set(self, path: str, name: str, value, world: int | None = None) -> bool:
@@ -141,25 +143,33 @@ class SelfContact(Method):
             self.obstacles.move(clock)
         if self.strands:
             self.strands.lend()
-        self.borrow()
+        self.borrow(begins=True)
         at = self.settle.expected(clock)
         wp.capture_if(self.near.word(pairs.SOON), lambda: self.near.search(at, begins=1))
-        wp.capture_if(self.near.word(pairs.NEAR), lambda: self.guarantee.begin(at))
+        self.guarantee.begin(at)
 
     def touch(self, clock: Clock) -> None:
         import warp as wp
         last = not self.within or clock.i == clock.iterations - 1
         if not self.solved or self.strands:
-            wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, self.sweeps))
+            self.press(clock, self.sweeps)
         if self.within and last:
-            wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, LAST))
-        if last and self.going:
-            wp.capture_if(self.near.word(pairs.NEAR), lambda: self.look(clock, 1))
+            self.press(clock, LAST)
+        if last and self.going and LONGER:
+            self.look(clock, 1)
             wp.capture_while(self.near.word(pairs.NEARER), lambda: self.more(clock))
         if last:
             if self.contact:
                 self.contact.behind(clock)
             self.settle.gather(clock)
+
+    def press(self, clock: Clock, count: int) -> None:
+        """Sweeps, if there are pairs: one launch sees that there are none faster than a condition."""
+        import warp as wp
+        if self.sweeper.fits():
+            self.sweep(clock, count)
+        else:
+            wp.capture_if(self.near.word(pairs.NEAR), lambda: self.sweep(clock, count))
 
     @property
     def going(self) -> bool:
@@ -167,13 +177,15 @@ class SelfContact(Method):
         return len(self.clock.integrator.steps) != 2 or not (self.contact or self.obstacles or self.strands)
 
     def look(self, clock: Clock, first: int) -> None:
-        """Launches the test whether sweeps go on."""
+        """Launches the test whether sweeps go on; before the first, no word says so."""
         near = self.near
         self.borrow()
-        near.word(pairs.NEARER).zero_()
+        if not first:
+            near.word(pairs.NEARER).zero_()
         inputs = [self.at(), rows.RECOVERY * clock.h, first, near.threads, near.table]
         self.model.launch(self.nearer, near.threads, inputs, [near.words])
-        self.go_on()
+        if not first:
+            self.go_on()
 
     def go_on(self) -> None:
         """Counts a block of sweeps, and ends them behind LONGER."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wsim.model.model import Model
     from wsim.physics.selfcontact.surfaces import Surfaces
 
-LANES, MANY = 256, 16384         # partial sums of moments; points from which there are FOLD times as many
+LANES, MANY = 256, 16384         # partial sums of moments; points from which there are FOLD times as many, as on a GPU
 EACH = 16              # pairs a point that there is room for at first: crumpled sheets have 6 to 9, ropes of cloth 80 to 170
 MORE = 4               # times the pairs that were wanted that there is room for from then on
 AROUND = 12            # candidates a point that there is room for besides: those of a flat cloth
@@ -56,7 +56,7 @@ class Near:
                              most=zeros(1, dtype=real), part=wp.ones(1, dtype=real, device=device),
                              least=wp.ones(1, dtype=real, device=device),
                              dense=wp.ones(1, dtype=real, device=device))
-        self.lanes = LANES if len(surfaces.points) < MANY else LANES * tubes.FOLD
+        self.lanes = LANES * tubes.FOLD if device.is_cuda or len(surfaces.points) >= MANY else LANES
         self.moments = [zeros((self.lanes // tubes.FOLD**k, tubes.COLUMNS), dtype=real) for k in range(4)
                         if tubes.FOLD**k <= self.lanes]
         each = np.split(surfaces.points, [surfaces.own["points"], surfaces.free["points"]])
