@@ -32,6 +32,7 @@ LEAST = 0.02               # strain below which nobody sees it
 OVER = 1.1                 # strain over the estimate, from which a run is warned of: a sheet with long substeps that a rope
                            # falls into had 1.14 to 1.17, and 1.5 times the converged strain
 SPREAD = 8.0               # of estimates over converged strains
+ROUNDED = 1e-3             # of an edge: what float32 rounds of its length
 MOST = 100_000             # points, beyond which nothing is estimated
 BESIDE = {"Skeleton", "Rods"}      # others than points that may be there
 
@@ -60,12 +61,19 @@ class Settled:
         """Looks at a frame that was stepped; False: no more are looked at."""
         if sim.plan is not self.plan or sim.changes:
             return False
-        now, clock = peak_strain(sim), sim.plan.clock
-        if now > max(LEAST, GROWN * self.last):
+        least, clock = max(LEAST, GROWN * self.last), sim.plan.clock
+        now = peak_strain(sim) if self.strained(sim, least) else 0.0
+        if now > least:
             self.last = now
             fields = {path: sim.fields(path) for path in sim.state.paths()}
             self.waiting.append(Strained(now, sim.frame, clock.steps, clock.iterations, fields))
         return sim.frame < FRAMES and len(self.waiting) + len(self.known) < CHECKS
+
+    @staticmethod
+    def strained(sim, least: float) -> bool:
+        """False where the device finds in one launch that no edge strains by so much: the host takes 3 ms for 19 000 edges."""
+        watch, muscles = sim.plan.find("watch"), any(net.actuation for net in sim.scene.springs)
+        return watch is None or muscles or watch.exceeds(1.0 + least - ROUNDED)
 
     @property
     def found(self) -> list[tuple[float, float, int]]:
