@@ -126,6 +126,9 @@ class Launches:
             kernel_cache.load(name, self.device, block)
 
 
+FEW = 4                  # launches of a list from which a GPU takes them as a graph
+
+
 class LaunchList:
     """Launches in order with arguments that do not change, packed once and issued before every frame.
 
@@ -136,16 +139,31 @@ class LaunchList:
     def __init__(self, device, launches: list[tuple]):
         """launches: (kernel, dim, inputs, outputs) each; their modules are loaded, and their arrays live as long as this."""
         import warp as wp
-        self.held, self.cpu = launches, device.is_cpu
+        self.held, self.device, self.graph = launches, device, None      # type: list[tuple], Any, Any
         self.each = [wp.launch(kernel, dim, inputs, outputs, device=device, record_cmd=True)
                      for kernel, dim, inputs, outputs in launches]
 
     def launch(self) -> None:
         began = time.perf_counter()
+        if self.device.is_cuda and len(self.each) >= FEW and not self.device.is_capturing:
+            self.replay()
+            return
         for each in self.each:
             each.launch()
-        if self.cpu:
+        if self.device.is_cpu:
             LaunchList.seconds += time.perf_counter() - began
+
+    def replay(self) -> None:
+        """Launches a graph of all: a launch of a packed kernel takes Python 10 us, and so does a graph."""
+        import warp as wp
+
+        from wsim.model import kernel_cache
+        if self.graph is None:
+            with kernel_cache.capture(self.device) as capture:
+                for each in self.each:
+                    each.launch()
+            self.graph = capture.graph
+        wp.capture_launch(self.graph)
 
 
 MANY = 1000              # launches of a frame from which substeps are a loop on the device: a GPU captures 30 in a millisecond

@@ -12,6 +12,7 @@ from wsim.geometry import rotation
 from wsim.geometry.triangulate import triangulate
 from wsim.kernels.animation import deformed
 from wsim.kernels.contact.project import SUNK
+from wsim.model.launches import LaunchList
 from wsim.physics.animation import skinning
 from wsim.physics.animation.objects import DUAL, LINEAR, Skeleton, Skinned
 from wsim.scene import Scene, Surface, shapes
@@ -59,6 +60,19 @@ def test_device_and_host_agree_with_blend_shapes_and_scales(method, scaled):
     assert np.abs(ours - want).max() < 4e-7 * np.abs(want).max()                    # Warp's meshes are float32
     plain = Skinned(skinned.skeleton, points, skinned.joints, skinned.weights, method=method)
     assert np.abs(want - plain.over(times)).max() > 1e-2                            # the corrective shape acts
+
+
+def test_a_list_of_launches_that_a_graph_replays_has_the_bits_of_its_launches(monkeypatch):
+    """As a GPU replays it in every frame."""
+    rng, found = np.random.default_rng(3), []
+    points, counts, indices = shapes.sphere(0.3, 12)
+    skinned = skin(rng, bones(rng, True), points, method=DUAL, blends=[lump(rng)])
+    for way in (LaunchList.launch, LaunchList.replay):
+        monkeypatch.setattr(LaunchList, "launch", way)
+        sim = wsim.Simulation(scene_of(skinned, counts, indices), device="cpu", precision="float64")
+        sim.run(3)
+        found.append(track(sim)[0])
+    assert np.array_equal(*found)
 
 
 def twisted(method: str, angle: float = np.pi) -> float:

@@ -96,7 +96,8 @@ class Watch(Method):
     def exceeds(self, most: float) -> bool:
         """True if an edge is longer than `most` times its rest length now, by what float32 has of positions."""
         found = wp.zeros(1 + len(self.bodies), dtype=int, device=self.model.device)
-        self.model.launch(self.stretched, len(self.rest), [self.edges, self.rest, most, self.first, self.state.x, 0, 1], [found])
+        given = [self.edges, self.rest, most, self.first, self.state.x, 0, 1]
+        self.model.launch(self.stretched, len(self.rest), given, [found])
         return bool(found.numpy()[0])
 
     def look(self, clock: Clock) -> None:
