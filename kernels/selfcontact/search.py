@@ -96,7 +96,8 @@ def meet(real, module, levels=False):
     """Kernel: candidates, points and triangles or edges and edges whose boxes meet and that share no point. order: points (kind
     0) or edges that look, so that those near each other are near, -1: none; into: the tree that they look into; own 1: that
     of the same edges, of which those behind them are looked at; widest: what pairs keep at most [m]. levels: walks go level by
-    level, as is faster on a CPU; they find the same in the same order."""
+    level, as is faster on a CPU; they find the same in the same order. Else as many threads share a walk as `shares` says, a
+    power of two: each has the nodes below one of so many."""
     Surfaces, Frames = pairs.surfaces(real), frames(real)
     _, about = tree.boxes(real)
 
@@ -117,9 +118,9 @@ def meet(real, module, levels=False):
 
     @wp.kernel(module=module, enable_backward=False)
     def boxes_meet(s: Surfaces, f: Frames, kind: int, order: wp.array(dtype=int), into: tree.Tree, own: int, widest: float,
-                   out_at: wp.array(dtype=pairs.Candidates)):
+                   shares: int, out_at: wp.array(dtype=pairs.Candidates)):
         out = out_at[0]
-        j = wp.tid()
+        j = wp.tid() % order.shape[0]
         i = order[j]
         if i < 0:
             return
@@ -136,13 +137,16 @@ def meet(real, module, levels=False):
             for m in range(tree.met(ours, into.box, root, into.leaves, behind, room, into.front)):
                 tell(s, kind, i, a, b, into.item[root / 2 + into.front[m] - into.leaves], out)
             return
-        node = int(1)
+        node = shares + wp.tid() / order.shape[0]         # the top of what this thread sees
         trail = int(0)
-        if own > 0:
-            node = into.leaves + j % into.leaves
-            trail = tree.later(ours, into, root, node, room)
-            node, trail = tree.back(node, trail)
-        elif tree.apart(ours, tree.box(into.box, root + 1), room):
+        leaf = into.leaves + j % into.leaves
+        over = leaf / (into.leaves / shares)              # the node beside it that the leaf itself is below
+        if own > 0 and node < over:
+            return
+        if own > 0 and node == over:
+            trail = tree.later(ours, into, root, leaf, node, room)
+            node, trail = tree.back(leaf, trail)
+        elif tree.apart(ours, tree.box(into.box, root + node), room):
             return
         while node > 0:
             if node < into.leaves:

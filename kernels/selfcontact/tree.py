@@ -73,12 +73,12 @@ def below(ours: Box, into: Tree, root: int, node: int, room: float):
 
 
 @wp.func
-def later(ours: Box, into: Tree, root: int, leaf: int, room: float):
-    """The trail of a walk that is to see what stands behind a leaf."""
+def later(ours: Box, into: Tree, root: int, leaf: int, top: int, room: float):
+    """The trail of a walk below node `top` that is to see what stands behind a leaf there."""
     trail = int(0)
     bit = int(1)
     node = leaf
-    while node > 1:
+    while node > top:
         if node % 2 == 0 and not apart(ours, box(into.box, root + node + 1), room):
             trail += bit
         bit *= 2

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.physics.selfcontact.rig import crumple, run
+from wsim.kernels.selfcontact import search
 
 STEPS = 64             # places in time where boxes are looked at
 
@@ -49,6 +51,21 @@ def test_boxes_that_meet_are_found_once(side):
     assert {(s.points[i], k) for i, k in wanted} <= set(tip)
     assert {p for p in meeting(near, s.edges, s.edges) if p[0] < p[1]} <= set(edge)
     assert len(tip) + len(edge) < 4 * (len(wanted) + len(edge)) and len(tip) < 0.7 * len(s.points) * len(s.triangles)
+
+
+def test_threads_that_share_a_walk_find_what_one_finds():
+    """Walks of a GPU, beside those of a CPU that go level by level."""
+    sim = run(crumple(0, 9, 8.0))
+    sim.run(8)
+    near, walk = sim.plan.method("selfcontact").near, search.meet(wp.float32, "walks")
+    s, found_at = near.surfaces, near.found_at
+    first = [sorted(each) for each in candidates(near)]
+    for shares in (1, 4, 32):
+        found_at.struct.count.zero_()
+        for kind, order, k, own in near._searches():
+            given = [s.data, near.frames, kind, order, near.trees[k].tree, own, s.thickness, shares]
+            wp.launch(walk, shares * len(order), given, [found_at.at], device="cpu")
+        assert [sorted(each) for each in candidates(near)] == first
 
 
 def test_trees_are_sorted_by_where_triangles_are():

@@ -29,6 +29,7 @@ MORE = 4               # times the pairs that were wanted that there is room for
 AROUND = 12            # candidates a point that there is room for besides: those of a flat cloth
 EPOCHS = 1 << 16       # substeps that a frame has fewer of
 LEAST, THREADS = 1 << 14, 1 << 18      # threads that go through pairs and candidates on a GPU
+WALKS, SHARES = 1 << 16, 32            # threads of a search on a GPU, and those that share a walk, at most
 SORTED = 8             # frames after which trees are sorted anew: boxes of what has folded overlap
 
 
@@ -218,9 +219,15 @@ class Near:
         for tree in self.trees:
             tree.fit(f)
         for kind, order, k, own in self._searches():
-            launch(self.meet, len(order), [s.data, f, kind, order, self.trees[k].tree, own, s.thickness], [self.found_at.at])
+            tree = self.trees[k].tree
+            shares = self.shares(len(order), tree.leaves)
+            launch(self.meet, shares * len(order), [s.data, f, kind, order, tree, own, s.thickness, shares], [self.found_at.at])
         launch(self.sift, self.threads, [s.data, f, self.found_at.at, self.threads], [self.listed_at.at])
         launch(self.listed, 1, [self.found_at.at, begins, len(s.points)], [self.listed_at.at, f, self.words])
+
+    def shares(self, looking: int, leaves: int) -> int:
+        """Threads that share a walk through a tree: few that look leave a GPU idle, and walks are long where surfaces fold."""
+        return min(leaves, SHARES, 1 << max(WALKS // looking, 1).bit_length() - 1) if self.model.device.is_cuda else 1
 
     def look(self, at, fresh: int = 0) -> None:
         """Looks whether points are in their tubes where the substep ends. fresh: as `kernels.selfcontact.tubes.watch`."""
