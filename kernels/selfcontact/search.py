@@ -20,6 +20,7 @@ from wsim.kernels.selfcontact.tubes import MANY, NARROW, frames
 
 REST = 0.4
 ROUND = 1.005          # of tubes, for rounding
+AMONG = 2              # kind of edges that look for edges behind them
 CANDIDATES = 3         # that there is more room for with each pair
 
 
@@ -94,10 +95,10 @@ def listing(real):
 @cache
 def meet(real, module, levels=False):
     """Kernel: candidates, points and triangles or edges and edges whose boxes meet and that share no point. order: points (kind
-    0) or edges that look, so that those near each other are near, -1: none; into: the tree that they look into; own 1: that
-    of the same edges, of which those behind them are looked at; widest: what pairs keep at most [m]. levels: walks go level by
-    level, as is faster on a CPU; they find the same in the same order. Else as many threads share a walk as `shares` says, a
-    power of two: each has the nodes below one of so many."""
+    0) or edges that look, so that those near each other are near, -1: none; into: the tree that they look into, for kind AMONG
+    that of the same edges, of which those behind them are looked at; widest: what pairs keep at most [m]. levels: walks go
+    level by level, as is faster on a CPU; they find the same in the same order. Else as many threads share a walk as `shares`
+    says, a power of two: each has the nodes below one of so many."""
     Surfaces, Frames = pairs.surfaces(real), frames(real)
     _, about = tree.boxes(real)
 
@@ -117,8 +118,8 @@ def meet(real, module, levels=False):
                 out.pair[slot] = wp.vec2i(i, k)
 
     @wp.kernel(module=module, enable_backward=False)
-    def boxes_meet(s: Surfaces, f: Frames, kind: int, order: wp.array(dtype=int), into: tree.Tree, own: int, widest: float,
-                   shares: int, out_at: wp.array(dtype=pairs.Candidates)):
+    def boxes_meet(s: Surfaces, f: Frames, kind: int, order: wp.array(dtype=int), into: tree.Tree, widest: float, shares: int,
+                   out_at: wp.array(dtype=pairs.Candidates)):
         out = out_at[0]
         j = wp.tid() % order.shape[0]
         i = order[j]
@@ -126,14 +127,14 @@ def meet(real, module, levels=False):
             return
         a = i
         b = i
-        if kind == closest.EDGES:
+        if kind != closest.POINT:
             a = s.edge[i][0]
             b = s.edge[i][1]
         ours = about(f, a, b, b)
         room = widest * float(f.part[0])
         root = s.world[a] * 2 * into.leaves
         if wp.static(levels):
-            behind = wp.where(own > 0, j % into.leaves, -1)
+            behind = wp.where(kind == AMONG, j % into.leaves, -1)
             for m in range(tree.met(ours, into.box, root, into.leaves, behind, room, into.front)):
                 tell(s, kind, i, a, b, into.item[root / 2 + into.front[m] - into.leaves], out)
             return
@@ -141,9 +142,9 @@ def meet(real, module, levels=False):
         trail = int(0)
         leaf = into.leaves + j % into.leaves
         over = leaf / (into.leaves / shares)              # the node beside it that the leaf itself is below
-        if own > 0 and node < over:
+        if kind == AMONG and node < over:
             return
-        if own > 0 and node == over:
+        if kind == AMONG and node == over:
             trail = tree.later(ours, into, root, leaf, node, room)
             node, trail = tree.back(leaf, trail)
         elif tree.apart(ours, tree.box(into.box, root + node), room):

@@ -62,8 +62,8 @@ def test_threads_that_share_a_walk_find_what_one_finds():
     first = [sorted(each) for each in candidates(near)]
     for shares in (1, 4, 32):
         found_at.struct.count.zero_()
-        for kind, order, k, own in near._searches():
-            given = [s.data, near.frames, kind, order, near.trees[k].tree, own, s.thickness, shares]
+        for kind, order, k in near._searches():
+            given = [s.data, near.frames, kind, order, near.trees[k].tree, s.thickness, shares]
             wp.launch(walk, shares * len(order), given, [found_at.at], device="cpu")
         assert [sorted(each) for each in candidates(near)] == first
 

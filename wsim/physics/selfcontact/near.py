@@ -81,13 +81,13 @@ class Near:
         own = [(kind, slice(0, free[name])) for kind, name in found]
         return own + [(kind, slice(free[name], None)) for kind, name in found if self.surfaces.obstacles]
 
-    def _searches(self) -> list[tuple[int, wp.array, int, int]]:
-        """(kind, points or edges that look, tree that they look into, 1: edges among themselves): no collider into another,
-        and no strand into one."""
+    def _searches(self) -> list[tuple[int, wp.array, int]]:
+        """(kind as `search.meet` has it, points or edges that look, tree that they look into): no collider into another, and
+        no strand into one."""
         edges = self.trees[1].tree.item
-        found = [*((0, tips.item, 0, 0) for tips in self.tips), (1, edges, 1, 1)]
+        found = [*((0, tips.item, 0) for tips in self.tips), (search.AMONG, edges, 1)]
         more = edges if self.alone is None else self.alone
-        found += [(0, self.tips[0].item, 2, 0), (1, more, 3, 0)] if self.surfaces.obstacles else []
+        found += [(0, self.tips[0].item, 2), (1, more, 3)] if self.surfaces.obstacles else []
         return [each for each in found if self.trees[each[2]].number]            # rods have edges alone
 
     @property
@@ -218,10 +218,10 @@ class Near:
         self.found_at.struct.count.zero_()
         for tree in self.trees:
             tree.fit(f)
-        for kind, order, k, own in self._searches():
+        for kind, order, k in self._searches():
             tree = self.trees[k].tree
             shares = self.shares(len(order), tree.leaves)
-            launch(self.meet, shares * len(order), [s.data, f, kind, order, tree, own, s.thickness, shares], [self.found_at.at])
+            launch(self.meet, shares * len(order), [s.data, f, kind, order, tree, s.thickness, shares], [self.found_at.at])
         launch(self.sift, self.threads, [s.data, f, self.found_at.at, self.threads], [self.listed_at.at])
         launch(self.listed, 1, [self.found_at.at, begins, len(s.points)], [self.listed_at.at, f, self.words])
 
