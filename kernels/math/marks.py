@@ -7,7 +7,14 @@
     called   a function that stands by itself on a GPU, too (wsim/model/compiler/variants.py): a long one with few bytes given.
              Compilers put functions in wherever they are called, and again where they cut a loop in two. With hulls,
              rigid_collide takes NVRTC 41 CPU-s so, and 20 where the manifold of a pair is called
+
+`scratch(shape=..., dtype=...)` is `wp.zeros` of a thread without the zeros: every entry is written before it is read. A box
+on a box wrote 14 KB of zeros, three times over (`wsim.model.compiler.source`).
 """
+
+import warp as wp
+
+scratch = wp.zeros
 
 
 def own(kernel):

@@ -16,6 +16,7 @@ import warp as wp
 
 from wsim.kernels.contact.shape import SPHERE
 from wsim.kernels.math.eigen import identity
+from wsim.kernels.math.marks import scratch
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
@@ -93,9 +94,9 @@ def gathering(real):
             gap_m = wp.min(gap_m, mm.gap[i])
         row = place(m, mm.n, gap_m, rig)
         if row >= 0:
-            P = wp.zeros(shape=(8,), dtype=vec3)
-            gap = wp.zeros(shape=(8,), dtype=real)
-            key = wp.zeros(shape=(8,), dtype=int)
+            P = scratch(shape=(8,), dtype=vec3)
+            gap = scratch(shape=(8,), dtype=real)
+            key = scratch(shape=(8,), dtype=int)
             count = int(rig.c.count[row])
             for i in range(count):
                 P[i] = rig.c.first_a[4 * row + i]

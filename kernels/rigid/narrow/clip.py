@@ -19,6 +19,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from wsim.kernels.math.marks import scratch
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
 
@@ -178,10 +179,11 @@ def contact(real, corners: int, outer: bool = False):
 
     @wp.func(inline=False)
     def clipped(Q: vec3s, ref: Side, P: vec3s, other: Side, flip: int, margin: real, size: real):
-        key = wp.zeros(shape=(wp.static(2 * most),), dtype=int)
-        edge = wp.zeros(shape=(wp.static(2 * most),), dtype=int)
-        gap = wp.zeros(shape=(wp.static(2 * most),), dtype=real)
+        key = scratch(shape=(wp.static(2 * most),), dtype=int)
+        edge = scratch(shape=(wp.static(2 * most),), dtype=int)
+        gap = scratch(shape=(wp.static(2 * most),), dtype=real)
         first = int(0)
+        key[0] = 0                                              # of a corner alone
         left = int(other.count)
         if other.count == 2:
             left = segment(Q, ref.count, ref.f, P, key, real(SLACK) * size)

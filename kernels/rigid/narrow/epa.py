@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.eigen import rounding
+from wsim.kernels.math.marks import scratch
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.capsule import finishing
 from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
@@ -176,10 +177,10 @@ def penetration(kinds: frozenset[str], real):
     @wp.func(inline=False)
     def expanded(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, V: wp.array(dtype=vec3), A: wp.array(dtype=vec3),
                  radii: t.vec2):
-        F = wp.zeros(shape=(FACES,), dtype=wp.vec3i)
-        N = wp.zeros(shape=(FACES,), dtype=vec3)
-        D = wp.zeros(shape=(FACES,), dtype=real)
-        E = wp.zeros(shape=(EDGES,), dtype=wp.vec2i)
+        F = scratch(shape=(FACES,), dtype=wp.vec3i)
+        N = scratch(shape=(FACES,), dtype=vec3)
+        D = scratch(shape=(FACES,), dtype=real)
+        E = scratch(shape=(EDGES,), dtype=wp.vec2i)
         tiny = real(2.0) * rounding(radii[0]) * (size(a, H) + size(b, H))
         faces = int(4)
         for k in range(faces):
@@ -219,8 +220,8 @@ def penetration(kinds: frozenset[str], real):
 
     @wp.func(inline=False)
     def penetration(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
-        V = wp.zeros(shape=(VERTICES,), dtype=vec3)
-        A = wp.zeros(shape=(VERTICES,), dtype=vec3)
+        V = scratch(shape=(VERTICES,), dtype=vec3)
+        A = scratch(shape=(VERTICES,), dtype=vec3)
         radii = t.vec2(radius(a), radius(b))
         start = d
         if wp.length_sq(d) <= real(0.0):

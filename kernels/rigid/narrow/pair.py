@@ -13,7 +13,7 @@ from itertools import combinations_with_replacement
 import warp as wp
 
 from wsim.kernels.contact.shape import BOX, CAPSULE, CONE, CYLINDER, PLANE, SPHERE, distance
-from wsim.kernels.math.marks import called
+from wsim.kernels.math.marks import called, scratch
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.lists.manifold import making, manifold
@@ -115,8 +115,8 @@ def completion(kinds: frozenset[str], real, outer: bool = False):
     def completed(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, near: Nearest, margin: real):
         m = Manifold()
         if near.gap <= margin:
-            PA = wp.zeros(shape=(wp.static(room),), dtype=vec3)
-            PB = wp.zeros(shape=(wp.static(room),), dtype=vec3)
+            PA = scratch(shape=(wp.static(room),), dtype=vec3)
+            PB = scratch(shape=(wp.static(room),), dtype=vec3)
             sa = of.Side()
             sb = of.Side()
             sa.r = radius(a)

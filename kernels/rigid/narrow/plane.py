@@ -7,6 +7,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import scratch
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
 from wsim.kernels.rigid.narrow.face import face
@@ -24,9 +25,9 @@ def plane(kinds: frozenset[str], real, corners: int):
 
     @wp.func(inline=False)
     def plane(b: Shape, H: Hulls, R: t.mat33, p: t.vec3, margin: real):
-        P = wp.zeros(shape=(corners,), dtype=vec3)
-        gap = wp.zeros(shape=(corners,), dtype=real)
-        key = wp.zeros(shape=(corners,), dtype=int)
+        P = scratch(shape=(corners,), dtype=vec3)
+        gap = scratch(shape=(corners,), dtype=real)
+        key = scratch(shape=(corners,), dtype=int)
         d = -R[2]                                               # down, in the frame of b
         r = radius(b)
         up = t.vec3(real(0.0), real(0.0), real(1.0))

@@ -73,7 +73,7 @@ def test_a_warp_without_private_names_is_run_as_it_is(monkeypatch):
         monkeypatch.setattr(variants, name, None)
     monkeypatch.setattr(recorded, "context", None)
     monkeypatch.setattr(variants, "TOLD", [])
-    with pytest.warns(RuntimeWarning, match=r"lacks cpu_linear\w+, _INLINE_ATTRS, build_cpu: first frames take longer"):
+    with pytest.warns(RuntimeWarning, match=r"lacks cpu_linear\w+, _INLINE_ATTRS, build_cpu, build_cuda: first frames"):
         for _ in range(2):
             with variants.single():
                 pass

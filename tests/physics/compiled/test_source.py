@@ -8,6 +8,7 @@ import pytest
 import warp as wp
 from warp._src import build
 
+from wsim.kernels.math.marks import scratch
 from wsim.model import kernel_cache
 from wsim.model.compiler import header, source, variants
 
@@ -75,6 +76,18 @@ def work(both: Both, out: wp.array(dtype=float)):
     written(out, i, read(both, i) + 10.0 * first + 1000.0 * second + 1.0e6 * replaced(pair, other, i) + pair.b)
 
 
+@wp.kernel(module="compiled_rooms", enable_backward=False)
+def roomy(out: wp.array(dtype=float)):
+    i = wp.tid()
+    zeros = wp.zeros(shape=(3,), dtype=float)
+    work = scratch(shape=(300,), dtype=float)
+    for k in range(300):
+        work[k] = float(k)
+    for k in range(i):
+        zeros[k] = work[299]
+    out[i] = zeros[0] + zeros[1] + zeros[2]
+
+
 def generated(module: str = "compiled_source") -> str:
     """Source that Warp made of the module for a CPU."""
     kernel_cache.load(module, kernel_cache.device("cpu"))
@@ -103,6 +116,37 @@ def test_what_is_only_read_goes_by_reference_and_nothing_else():
     assert " & var_both" in parameters(text, "read") and " & var_values" in parameters(text, "written")
     assert " & var_" not in parameters(text, "changed")
     assert " & var_pair" not in parameters(text, "replaced") and " & var_pair" not in parameters(text, "bumped")
+
+
+KERNEL = """struct Pair_1
+{
+    wp::array_t<wp::float32> a;
+};
+
+extern "C" __launch_bounds__(256) __global__ void work_cuda_kernel_forward(
+    wp::launch_bounds_t<1> dim,
+    Pair_1 var_pair,
+    Pair_1 var_other)
+{
+    var_1 = &((var_pair).a);
+    var_2 = wp::load(var_1);
+    %s
+}
+"""
+
+
+@pytest.mark.parametrize("line, stays", [("taken_0(var_other);", True), ("var_other = var_pair;", False)])
+def test_a_kernel_of_a_gpu_reads_in_place_the_structs_that_it_does_not_change(line, stays):
+    text = source.functions(KERNEL % line)
+    assert ("const __grid_constant__ Pair_1 given_var_other" in text) == stays
+    assert ("Pair_1 & var_other = const_cast<Pair_1 &>(given_var_other);" in text) == stays
+    assert (text.count("__grid_constant__") == 2) == stays
+
+
+def test_arrays_of_a_thread_are_zeroed_once_and_scratch_never():
+    text = source.functions(generated("compiled_rooms"))
+    assert text.count("var_") and "fixedarray_t" not in text.partition("builtin_tid1d")[2]
+    assert len(re.findall(r"wsim_room<\d+, wp::float32> var_\w+;", text)) == 2 and text.count(".zero();") == 1
 
 
 def test_a_module_without_a_backward_pass_has_a_header_without_adjoints():

@@ -1,4 +1,4 @@
-"""How Warp is asked to compile kernels: on the CPU each once, in parts and from rewritten source, on a GPU as ever.
+"""How Warp is asked to compile kernels: from rewritten source, on the CPU each once and in parts.
 
 Warp 1.19 compiles a second variant of most CPU kernels, for arrays without gaps: a third of the time to compile a scene, the
 same bits, 0 to 5 % of run time. Its configuration has no word for it, so its question whether a kernel may have one is answered
@@ -27,7 +27,8 @@ from wsim.model.warp_private import PLAIN, build, codegen
 
 QUESTION = "cpu_linear_contiguous_specialization_candidate"
 WORDS, APART, CALLED = "_INLINE_ATTRS", "noinline", "called"
-BUILD = "build_cpu"
+BUILD, BUILD_CUDA = "build_cpu", "build_cuda"
+IN_PLACE = 70                    # compute capability from which a kernel may read its arguments where they are given
 TOLD: list[str] = []             # not empty: this process has been told that its Warp is not as known here
 
 
@@ -35,8 +36,9 @@ TOLD: list[str] = []             # not empty: this process has been told that it
 def single(cpu: bool = True) -> Iterator[None]:
     """Modules that are compiled inside have one variant of each kernel; functions stand by themselves on a CPU alone."""
     answer, words = getattr(codegen, QUESTION, None), getattr(codegen, WORDS, None)
-    compiled = getattr(build, BUILD, None)
-    lacking = [name for name, has in ((QUESTION, answer), (WORDS, words), (BUILD, compiled)) if has is None]
+    compiled, for_cuda = getattr(build, BUILD, None), getattr(build, BUILD_CUDA, None)
+    known = ((QUESTION, answer), (WORDS, words), (BUILD, compiled), (BUILD_CUDA, for_cuda))
+    lacking = [name for name, has in known if has is None]
     if lacking and not PLAIN:
         warn_once(f"lacks {', '.join(lacking)}")
     if answer is not None:
@@ -45,9 +47,13 @@ def single(cpu: bool = True) -> Iterator[None]:
         setattr(codegen, WORDS, {w: code for w, code in words.items() if cpu or w != APART} | {CALLED: words[APART]})
     if compiled is not None:
         setattr(build, BUILD, partial(rewritten, compiled))
+    if for_cuda is not None:
+        setattr(build, BUILD_CUDA, partial(rewritten_cuda, for_cuda))
     try:
         yield
     finally:
+        if for_cuda is not None:
+            setattr(build, BUILD_CUDA, for_cuda)
         if compiled is not None:
             setattr(build, BUILD, compiled)
         if answer is not None:
@@ -75,6 +81,23 @@ def rewritten(compiled, obj_path, cpp_path, *args, **more) -> None:
     except Exception:
         compiled(obj_path, cpp_path, *args, **more)
         warn_once(f"does not compile {given.stem} as wsim rewrites it")
+    finally:
+        short.unlink(missing_ok=True)
+
+
+def rewritten_cuda(compiled, cu_path, arch, output_path, **more) -> None:
+    """As `rewritten`, for a GPU of compute capability `arch`; a header has no part in that."""
+    given, short = Path(cu_path), Path(f"{cu_path}.{os.getpid()}.cu")
+    if arch < IN_PLACE:
+        return compiled(cu_path, arch, output_path, **more)
+    try:
+        short.write_text(source.functions(given.read_text(encoding="utf-8")), encoding="utf-8")
+        compiled(str(short), arch, output_path, **more)
+    except OSError:
+        raise
+    except Exception:
+        compiled(cu_path, arch, output_path, **more)
+        warn_once(f"does not compile {given.stem} for a GPU as wsim rewrites it")
     finally:
         short.unlink(missing_ok=True)
 
