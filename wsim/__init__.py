@@ -13,6 +13,14 @@ never starts Warp.
 TYPE_CHECKING = False            # as typing's, without importing typing
 if TYPE_CHECKING:
     from wsim.fitting.fit import fit
+    from wsim.fitting.observations.observe import Track
+    from wsim.gradient.recording import Recording
+    from wsim.physics.animation.objects import Skeleton
+    from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
+    from wsim.physics.fluid.objects import Fluid, Source
+    from wsim.physics.rigid.joints.joint import Joint
+    from wsim.physics.rigid.objects import Body
+    from wsim.physics.rods.objects import Rods
     from wsim.scene import (
         Box,
         Capsule,
@@ -20,16 +28,18 @@ if TYPE_CHECKING:
         Collider,
         Cone,
         Cylinder,
+        Load,
         Pin,
         Plane,
-        Problem,  # noqa: F401  (one of _HOME, and not counted among the names that a star imports)
+        Problem,
         Scene,
         SceneError,
-        Skin,  # noqa: F401
+        Skin,
         Soft,
         Sphere,
         Springs,
         Surface,
+        Tie,
         shapes,
     )
     from wsim.scene.curve import Curve, Motion
@@ -43,17 +53,23 @@ if TYPE_CHECKING:
 __version__ = "0.0.1"
 
 _HOME = {
-    **dict.fromkeys(("Scene", "Cloth", "Springs", "Collider", "Pin", "Plane", "Sphere", "Box", "Capsule", "Cylinder",
-                     "Cone", "Surface", "Soft", "Skin", "Problem", "SceneError"), "wsim.scene"),
+    **dict.fromkeys(("Scene", "Cloth", "Springs", "Collider", "Pin", "Plane", "Sphere", "Box", "Capsule", "Cylinder", "Cone",
+                     "Surface", "Soft", "Skin", "Problem", "SceneError", "Load", "Tie"), "wsim.scene"),
     "Curve": "wsim.scene.curve", "Motion": "wsim.scene.curve", "Bulk": "wsim.scene.solid",
     "Fabric": "wsim.scene.fabric", "fabric": "wsim.scene.fabric", "shapes": "wsim.scene.shapes",
+    "Body": "wsim.physics.rigid.objects", "Joint": "wsim.physics.rigid.joints.joint", "Rods": "wsim.physics.rods.objects",
+    "Fluid": "wsim.physics.fluid.objects", "Source": "wsim.physics.fluid.objects",
+    "Liquid": "wsim.physics.fluid.liquid.objects", "LiquidSource": "wsim.physics.fluid.liquid.objects",
+    "Skeleton": "wsim.physics.animation.objects", "Track": "wsim.fitting.observations.observe",
+    "Recording": "wsim.gradient.recording",
     "load": "wsim.usd", "save": "wsim.usd", "Simulation": "wsim.simulation.simulation", "fit": "wsim.fitting.fit",
     "Recorder": "wsim.usd.result.recorder", "sweep": "wsim.sweep",
 }
 __all__ = [  # noqa: F822  (names of __getattr__)
-    "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Motion", "Pin", "Plane",
-    "Recorder", "Scene", "SceneError", "Simulation", "Soft", "Sphere", "Springs", "Surface", "fabric", "fit", "load", "save",
-    "shapes",
+    "Body", "Box", "Bulk", "Capsule", "Cloth", "Collider", "Cone", "Curve", "Cylinder", "Fabric", "Fluid", "Joint", "Liquid",
+    "LiquidSource", "Load", "Motion", "Pin", "Plane", "Problem", "Recorder", "Recording", "Rods", "Scene", "SceneError",
+    "Simulation", "Skeleton", "Skin", "Soft", "Source", "Sphere", "Springs", "Surface", "Tie", "Track", "fabric", "fit", "load",
+    "save", "shapes",
 ]
 
 

@@ -6,7 +6,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from wsim.scene import Scene, SceneError, Skin, Soft, shapes
 from wsim.scene.curve import Motion
-from wsim.scene.skin import held, hold
+from wsim.scene.nodal.skin import held, hold
 from wsim.usd.result.recorder import Recorder
 from wsim.usd.result.restart import Result, load_restart
 

@@ -119,7 +119,7 @@ def fit(scene: Scene, observations, parameters: str | Iterable[str], *, also=(),
         settings: Settings | None = None):
     """Fits parameters (`wsim.fitting.parameter`), fields such as young[] (`wsim.fitting.fields.field`), or both, of a scene to
     observations (`wsim.fitting.observations.observe`). Returns a `Fit`, where there are fields a `FieldFit`
-    (`wsim.fitting.fields.result`).
+    (`wsim.fitting.fields.result`), as in `print(fit(scene, [Track("/flag", [1, 2], seen)], "stretch").text())`.
 
     observations   Track, Scan, Functional, Pull, Markers objects, or a USD file with sampled points and forces, same paths
     also           further experiments [(scene, observations)] that share the parameters, or those of `settings.shared`

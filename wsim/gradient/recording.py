@@ -1,9 +1,8 @@
 """A run that can be differentiated: frames forward, and the adjoint of all that they did backward.
 
 Frames are recorded once (`wsim.model.tape`) and replayed as graphs, forward and backward. What the backward pass reads of a
-frame is either kept for all frames, or for a segment at a time: then each segment leaves the arrays with which it began, and
-runs once more before it is differentiated (checkpoints; Griewank, Walther 2000, Algorithm 799). A segment is a part of a
-frame's substeps, or several frames.
+frame is either kept for all frames, or for a segment at a time (some substeps, or frames): then each segment leaves the arrays
+with which it began, and runs once more before it is differentiated (checkpoints; Griewank, Walther 2000, Algorithm 799).
 """
 
 from dataclasses import dataclass
@@ -41,8 +40,8 @@ class Stretch:
 
 
 class Recording(Frames):
-    """A recording of so many frames of a simulation from where it stands now, forward by `run` and backward by `backward`.
-    Every run begins there; live parameters may change in between, but for what changes the number of substeps or the start.
+    """Frames of a simulation from where it stands, forward by `run`, backward by `backward`, as in
+    `Recording(simulation, 2).run()`. Live parameters may change between runs, but not the number of substeps or the start.
 
     keep   "all": memory for every frame; "checkpoints": for a segment, which runs twice; "auto": by bytes
     Raises SceneError where the simulation has no gradients, or a method of the scene has none.
@@ -90,8 +89,7 @@ class Recording(Frames):
         self.cost, scalars = measured(self)
         if self.bodies and self.bodies.whole:
             if keep == "checkpoints":
-                raise SceneError(Problem("keep", "found 'checkpoints'; joints and contacts of bodies keep every substep: "
-                                         "allowed are auto, all"))
+                raise SceneError(Problem("keep", f"found {keep!r}; allowed with joints or contacts of bodies are auto, all"))
             keep = "all"
         length = self.cost.choose(keep)
         self.checkpoints = length > 0
@@ -111,7 +109,7 @@ class Recording(Frames):
             for part in range(len(self.cuts) - 1):
                 if len(self.cuts) > 2:
                     self.slots.rewind()
-                self.stretches[self.key(frame, part)] = Stretch(self.record(*self.cuts[part:part + 2]))
+                self.stretches[self._key(frame, part)] = Stretch(self.record(*self.cuts[part:part + 2]))
             self.plan.clock.starting = False
         found = {id(r) for stretch in self.stretches.values() for r, _ in stretch.tape.entries}
         self.carried = [r for r in self.roots if id(r) in found]
@@ -125,7 +123,7 @@ class Recording(Frames):
         return (clock.substeps, clock.integrator.name, stride() if stride else 0,
                 *(array.ptr for array in self.parameters.targets()))
 
-    def key(self, frame: int, part: int) -> tuple:
+    def _key(self, frame: int, part: int) -> tuple:
         return frame % self.group, part, self.jumps and frame == 0
 
     def record(self, first: int, last: int) -> Tape:
@@ -151,6 +149,7 @@ class Recording(Frames):
         self.plan.clock.starting = self.begins
 
     def pose(self, frame: int) -> None:
+        """Poses of pins and colliders in a frame."""
         self.plan.before_frame((self.start + frame) / self.sim.scene.fps)
 
     def known(self) -> tuple[Segments, int, int] | None:
@@ -182,7 +181,7 @@ class Recording(Frames):
             self.pose(frame)
             for part in range(len(self.cuts) - 1):
                 if self.checkpoints and (frame % self.group == 0):
-                    for array, root in zip(self.saved[self.segment(frame, part)], self.carried, strict=True):
+                    for array, root in zip(self.saved[self._segment(frame, part)], self.carried, strict=True):
                         wp.copy(array, root.base)
                 self.forward(frame, part)
             self.keep(frame + 1)
@@ -193,25 +192,26 @@ class Recording(Frames):
 
     def misses(self) -> list[wp.array]:
         """Residuals that the worst forward and the worst adjoint solve of implicit steps have left."""
-        adjoint = self.plan.find("adjoint")
-        return [adjoint.missed, adjoint.left] if adjoint else []
+        return [adjoint.missed, adjoint.left] if (adjoint := self.plan.find("adjoint")) else []
 
     def warn(self, text: str) -> None:
+        """Adds a warning to the simulation's, once."""
         if text not in self.sim.warnings:
             self.sim.warnings.append(text)
 
-    def segment(self, frame: int, part: int) -> int:
+    def _segment(self, frame: int, part: int) -> int:
         return frame // self.group * (len(self.cuts) - 1) + part
 
     def forward(self, frame: int, part: int) -> None:
-        stretch = self.stretches[self.key(frame, part)]
+        """Runs a part of a frame again."""
+        stretch = self.stretches[self._key(frame, part)]
         if stretch.tape.eager:
             return stretch.tape.forward()
         if stretch.forward is None:
-            stretch.forward = self.graph(stretch.tape.forward)
+            stretch.forward = self._graph(stretch.tape.forward)
         wp.capture_launch(stretch.forward)
 
-    def graph(self, launch) -> wp.Graph:
+    def _graph(self, launch) -> wp.Graph:
         with kernel_cache.capture(self.sim.device) as capture:
             launch()
         return capture.graph
@@ -244,9 +244,9 @@ class Recording(Frames):
             self.pose(frame)
             for part in reversed(range(len(self.cuts) - 1)):
                 if len(self.cuts) > 2:
-                    self.restore(frame, part)
+                    self._restore(frame, part)
                     self.forward(frame, part)
-                self.reverse(frame, part)
+                self._reverse(frame, part)
             targets.append(self.parameters.take_targets(frame == 0))
             motions.append(self.parameters.take_motions())
             seeds.take()
@@ -282,19 +282,19 @@ class Recording(Frames):
     def again(self, last: int) -> None:
         """The segment that ends with frame `last`, from its checkpoint."""
         first = last // self.group * self.group
-        self.restore(first, 0)
+        self._restore(first, 0)
         for frame in range(first, last + 1):
             self.pose(frame)
             self.forward(frame, 0)
 
-    def restore(self, frame: int, part: int) -> None:
-        for array, root in zip(self.saved[self.segment(frame, part)], self.carried, strict=True):
+    def _restore(self, frame: int, part: int) -> None:
+        for array, root in zip(self.saved[self._segment(frame, part)], self.carried, strict=True):
             wp.copy(root.base, array)
 
-    def reverse(self, frame: int, part: int) -> None:
-        stretch = self.stretches[self.key(frame, part)]
+    def _reverse(self, frame: int, part: int) -> None:
+        stretch = self.stretches[self._key(frame, part)]
         if stretch.tape.eager:
             return stretch.tape.backward()
         if stretch.backward is None:
-            stretch.backward = self.graph(stretch.tape.backward)
+            stretch.backward = self._graph(stretch.tape.backward)
         wp.capture_launch(stretch.backward)

@@ -71,7 +71,8 @@ def same(a, b) -> bool:
 
 @dataclass(eq=False)
 class Cloth(Compared):
-    """A surface that deforms. Polygons as authored; `wsim.geometry.triangulate` cuts them into triangles.
+    """A surface that deforms, as in `scene.cloth("/sheet", *shapes.sheet(1.0, 1.0, 8, 8), material=fabric("silk"))`. Polygons
+    as authored; `wsim.geometry.triangulate` cuts them into triangles.
 
     path           prim path
     points         (n, 3) [m], own frame, float32 or float64
@@ -139,8 +140,9 @@ class Cloth(Compared):
 
 @dataclass(eq=False)
 class Springs(Compared):
-    """A net of linear springs between own points. With `actuation` some are muscles: their rest length is multiplied by the
-    factor of their group, which changes over time.
+    """A net of linear springs between own points, as in `scene.net("/rope", [(0, 0, 0), (1, 0, 0)], [(0, 1)],
+    stiffness=[100.0], masses=[0.1])`. With `actuation` some are muscles: their rest length is multiplied by the factor of
+    their group, which changes over time.
 
     path                prim path
     points              (n, 3) [m], own frame, float32 or float64
@@ -184,7 +186,8 @@ class Springs(Compared):
 
 @dataclass(eq=False)
 class Skin(Compared):
-    """A mesh that is only seen: each point follows the tet of its soft body that it lies in (USD: a Mesh of the body).
+    """A mesh that is only seen: each point follows the tet of its soft body that it lies in (USD: a Mesh of the body), as in
+    `jelly.skins.append(Skin("/jelly/skin", *shapes.box((0.1, 0.1, 0.1))))`.
 
     path       prim path
     points     (m, 3) [m], the soft body's own frame, where its rest (bind) pose is, float32
@@ -204,7 +207,8 @@ class Skin(Compared):
 
 @dataclass(eq=False)
 class Soft(Compared):
-    """A solid of tetrahedra that deforms. Volumes are positive: `wsim.geometry.tetra.repair` turns others.
+    """A solid of tetrahedra that deforms, as in `scene.soft("/cube", *shapes.block((0.2, 0.2, 0.2), 3),
+    material=Bulk(young=2e4))`. Volumes are positive: `wsim.geometry.tetra.repair` turns others.
 
     path           prim path
     points         (n, 3) [m], own frame, float32 or float64

@@ -19,7 +19,8 @@ from wsim.scene.values.table import validate
 
 @dataclass(frozen=True)
 class Fabric:
-    """Parameters of a sheet. Raises ValueError naming the parameter, what was found and what is allowed.
+    """Parameters of a sheet, as in `Fabric(stretch=500.0, density=150.0)`. Raises ValueError naming the parameter, what was
+    found and what is allowed.
 
     stretch             in-plane stiffness E t, force per width and strain [N/m], > 0
     shear               shear stiffness G t [N/m], >= 0
@@ -129,7 +130,7 @@ FABRICS: dict[str, Fabric] = {
 
 
 def fabric(name: str) -> Fabric:
-    """The preset of that name (any case). Raises ValueError listing the allowed names."""
+    """The preset of that name (any case), as in `fabric("denim")`. Raises ValueError listing the allowed names."""
     if str(name).lower() not in FABRICS:
         raise ValueError(f"no fabric {name!r}; allowed is one of {', '.join(FABRICS)}")
     return FABRICS[str(name).lower()]

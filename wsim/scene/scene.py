@@ -9,129 +9,27 @@ are given in, beside a local-to-world `motion` in float64. A save followed by a 
 """
 
 from dataclasses import dataclass, field, replace
-from math import inf
 from typing import Any
 
 import numpy as np
 
 from wsim.scene import solids
-from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, Unnamed, array, reals, single
-from wsim.scene.curve import Curve, Motion
+from wsim.scene.attachments import Load, Pin, Tie, Varying, over_time
+from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, Unnamed, single
+from wsim.scene.curve import Motion
+from wsim.scene.methods import METHODS, owner, role
 from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
            "Problem", "Scene", "SceneError", "Shape", "Skin", "Soft", "Sphere", "Springs", "Surface", "Tie", "Varying"]
 
-
-@dataclass(eq=False)
-class Pin(Compared):
-    """Points of a body held to a frame, still or animated (USD: PhysicsAttachment, point to xform).
-
-    path        prim path
-    body        prim path of the cloth, spring net or soft body
-    points      indices of its points, (k,), in the author's order, counted from 0
-    target      prim path of the Xform that holds them; "": an Xform beside the pin
-    motion      the target's frame to world over time, rigid, lengths [m]
-    places      where they are held, (k, 3) [m] in the target's frame; None: where the points start
-    stiffness   [N/m]; inf: hard, the points follow exactly
-    damping     [N s/m], of a soft pin
-    follows     a `Follow`, places on a mesh that joints move, instead of motion and places
-    """
-
-    path: str
-    body: str
-    points: np.ndarray
-    target: str = ""
-    motion: Motion = field(default_factory=Motion.still)
-    places: np.ndarray | None = None
-    stiffness: float = inf
-    damping: float = 0.0
-    follows: Any = None
-
-    def __post_init__(self):
-        self.points = array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
-        self.places = reals(self.places, -1, 3)
-
-
-@dataclass(eq=False)
-class Tie(Compared):
-    """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say.
-
-    path        prim path
-    body        prim path of a cloth, spring net or soft body
-    points      indices of its points, (k,)
-    other       prim path of a soft body; its points are where the shared ones are
-    others      indices of the points of `other`, (k,), in the same order
-    """
-
-    path: str
-    body: str
-    points: np.ndarray
-    other: str
-    others: np.ndarray
-
-    def __post_init__(self):
-        self.points, self.others = array(self.points, np.int32, -1), array(self.others, np.int32, -1)
-
-
-@dataclass(eq=False)
-class Load(Compared):
-    """A force on points of a body, or a traction on triangles, over time; dead: its direction stays (`Soft.pressure` turns).
-
-    path        prim path
-    body        prim path of the cloth, spring net, soft body or rods; rods take forces alone
-    curve       force [N] or traction [Pa], world, values (keys, 3), linear between keys
-    points      of a force: indices of the points, (k,)
-    weights     of a force: share of it that each point bears, (k,) [1]; None: 1/k, so that it is their sum
-    triangles   of a traction: points of each triangle, (m, 3); it acts on their area at rest
-    """
-
-    path: str
-    body: str
-    curve: Curve
-    points: np.ndarray | None = None
-    weights: np.ndarray | None = None
-    triangles: np.ndarray | None = None
-
-    def __post_init__(self):
-        self.points, self.triangles = array(self.points, np.int32, -1), array(self.triangles, np.int32, -1, 3)
-        self.weights = array(self.weights, np.float32, -1)
-        self.curve = self.curve.replaced(np.asarray(self.curve.values, np.float64))
-
-    @property
-    def name(self) -> str:
-        return "force" if self.triangles is None else "traction"
-
-    @property
-    def parts(self) -> np.ndarray:
-        """Part of a force that each of its points bears [1], (k,)."""
-        assert self.points is not None
-        k = len(self.points)
-        return np.full(k, 1.0 / max(k, 1)) if self.weights is None else self.weights.astype(np.float64)
-
-
-def over_time(value) -> Curve:
-    """A vector (3,) as a curve that stays; a Curve as it is."""
-    return value if isinstance(value, Curve) else Curve(np.zeros(1), np.asarray(value, np.float64)[None])
-
-
-@dataclass(eq=False)
-class Varying(Compared):
-    """A live value that varies in time, linear between keys. A frame uses the value at its middle (`wsim.simulation.varying`).
-
-    path        prim path of a body or collider; "/": the whole scene
-    name        as `Simulation.set` takes it: gravity, wind, stretch, young ... (`wsim.scene.values.table`)
-    curve       values (keys, ...), in the SI unit of that name [m, kg, s]
-    """
-
-    path: str
-    name: str
-    curve: Curve
+COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation")      # of a body's shape
 
 
 @dataclass(eq=False)
 class Scene(Compared):
-    """A scene: everything there is. Frame f is at time f / fps [s] after `start`; a substep is h = 1 / fps / substeps.
+    """A scene: everything there is, as in `Scene(up="Z", fps=30.0, frames=60)`. Frame f is at time f / fps [s] after `start`;
+    a substep is h = 1 / fps / substeps.
 
     gravity         acceleration, (3,) [m/s^2]; None: 9.81 against `up`
     wind            velocity of the air, (3,) [m/s]
@@ -157,7 +55,7 @@ class Scene(Compared):
     ties            list of `Tie`; `scene.tie(...)`
     loads           list of `Load`; `scene.force(...)`, `scene.traction(...)`
     varying         list of `Varying`; the fields above have their values at the start
-    others          objects of other methods, {class name: list}; `scene.add(...)`
+    others          objects of other methods, {class name: list}; `scene.body(...)`, `joint`, `rods`, `smoke`, `liquid`, `add`
     source          file that it was loaded from
     notes           list of `Problem`: what the loader warned about
     variants        chosen USD variants, {prim path: {variant set: variant}}
@@ -198,7 +96,6 @@ class Scene(Compared):
 
     def add(self, thing):
         """Adds an object of a method that has no list of its own here. Raises SceneError where no method owns its class."""
-        from wsim.scene.methods import METHODS, owner
         if owner(name := type(thing).__name__) is None:
             said = f"is a {name}, which no method simulates; there are: {', '.join(n for row in METHODS for n in row.owns)}"
             raise SceneError(Problem(getattr(thing, "path", "/"), said))
@@ -238,6 +135,65 @@ class Scene(Compared):
         self.colliders.append(Collider(path, shape, **more))
         return self.colliders[-1]
 
+    def body(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
+        """Adds a rigid body (`wsim.Body`) of one shape, at a place `at` (3,) [m] or with motion=...; several shapes are its
+        colliders=[...]. more: fields of `Body`, and of the collider: friction, restitution, thickness, approximation."""
+        surface = {name: more.pop(name) for name in COLLIDER_FIELDS if name in more} if shape is not None else {}
+        if shape is not None:
+            more["colliders"] = [Collider(f"{path}/shape", shape, **surface)]
+        more.setdefault("motion", Motion.at_place(at))
+        return self.add(role("Body", "objects").Body(path, **more))
+
+    def joint(self, kind: str, path: str, body0=None, body1=None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Any:
+        """Adds a joint (`wsim.Joint`) of two rigid bodies, or their paths; None: the world. kind: "fixed", "revolute" (turns
+        about `axis`), "prismatic" (slides along it) or "spherical"; at, axis (3,): in the world [m]. more: low and high [rad]
+        or [m], between which it turns or slides, and fields of `Joint`. Raises SceneError for another kind or body."""
+        kinds = role("Joint", "joints.joint").KINDS
+        if kind not in kinds:
+            allowed = f"{', '.join(kinds)}; for any other, scene.add(wsim.Joint(...))"
+            raise SceneError(Problem(path, f"kind is {kind!r}; allowed is one of {allowed}"))
+        ends = [self._rigid(path, body) for body in (body0, body1)]
+        return self.add(kinds[kind](path, *ends, at=at, axis=axis, **more))
+
+    def _rigid(self, path: str, body) -> Any:
+        """A rigid body by its path."""
+        if not isinstance(body, str):
+            return body
+        found = next((each for each in self.things("Body") if each.path == body), None)
+        if found is None:
+            there = ", ".join(each.path for each in self.things("Body")) or "none"
+            raise SceneError(Problem(path, f"body is {body!r}, which is no rigid body of the scene; there are: {there}"))
+        return found
+
+    def rods(self, path: str, points, counts, **more) -> Any:
+        """Adds rods or hair (`wsim.Rods`): points (n, 3) [m], strand behind strand, counts of points of each strand."""
+        return self.add(role("Rods", "objects").Rods(path, points, counts, **more))
+
+    def smoke(self, path: str, low, high, cell: float, **more) -> Any:
+        """Adds a box of air (`wsim.Fluid`) from corner `low` to `high` (3,) [m], of cubes of edge `cell` [m]; `smoke_source`
+        lets smoke into it."""
+        return self.add(role("Fluid", "objects").Fluid(path, low, high, cell, **more))
+
+    def liquid(self, path: str, low, high, cell: float, **more) -> Any:
+        """Adds a box for liquid (`wsim.Liquid`) from corner `low` to `high` (3,) [m], of cubes of edge `cell` [m]; it is empty:
+        `liquid_source` fills it."""
+        return self.add(role("Liquid", "objects").Liquid(path, low, high, cell, **more))
+
+    def smoke_source(self, path: str, fluid, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Any:
+        """Adds a shape that smoke, heat or air comes from (`wsim.Source`) to a box of air, or its path; at a place `at` (3,)
+        [m] or with motion=...."""
+        return self._source("Source", "fluid", path, fluid, shape, at, more)
+
+    def liquid_source(self, path: str, liquid, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Any:
+        """Adds a shape that liquid fills at the start (`wsim.LiquidSource`; role="source": that it flows from, "sink": vanishes
+        in) to a box for liquid, or its path; at a place `at` (3,) [m] or with motion=...."""
+        return self._source("LiquidSource", "liquid", path, liquid, shape, at, more)
+
+    def _source(self, name: str, of: str, path: str, domain, shape: Shape, at, more: dict) -> Any:
+        more.setdefault("motion", Motion.at_place(at))
+        more[of] = domain if isinstance(domain, str) else domain.path
+        return self.add(getattr(role(name, "objects"), name)(path, solids.upright(shape, self.up), **more))
+
     def pin(self, path: str, body, points, **more) -> Pin:
         """Holds points (indices) of a cloth or spring net; see `Pin` for the fields."""
         self.pins.append(Pin(path, body if isinstance(body, str) else body.path, points, **more))
@@ -273,7 +229,7 @@ class Scene(Compared):
 
 @dataclass(frozen=True)
 class Problem:
-    """Something wrong with a scene.
+    """Something wrong with a scene, as in `[problem.text for problem in load("flag.usda").notes]`.
 
     path        prim path, or the file or option that is at fault
     text        what was found, what is allowed and the cure, in one line
@@ -293,7 +249,8 @@ class Problem:
 
 
 class SceneError(Exception):
-    """A scene that cannot be run. `problems` lists everything found, each with its prim path."""
+    """A scene that cannot be run. `problems` lists everything found, each with its prim path, as in
+    `raise SceneError(Problem("/flag", "stretch is -1; allowed is more than 0"))`."""
 
     def __init__(self, problems):
         self.problems = [problems] if isinstance(problems, Problem) else list(problems)

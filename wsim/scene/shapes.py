@@ -3,7 +3,7 @@
     sheet           a rectangle of cells, vertical or horizontal; row 0 is its top (or far) edge
     spring_sheet    a square net of springs: structural, both diagonals, weak cross springs over one point
     sphere, box, capsule, cylinder, cone, torso     closed surfaces, wound outward (counter-clockwise from outside)
-    block           a solid box of tetrahedra, as `Scene.soft` takes it
+    block           a solid box of tetrahedra, as `Scene.soft` takes it, as in `shapes.block((1.0, 0.2, 0.2), 4)`
 
 A surface is (points (n, 3) float64 [m], counts (faces,) int32, indices (sum of counts,) int32), in the order that
 `Scene.cloth` and `scene.Surface` take. Solids of revolution run along z, as `wsim.scene` has them. Everything raises

@@ -24,7 +24,8 @@ MODELS = ("corotational", "neo_hookean", "st_venant_kirchhoff", "linear")
 
 @dataclass(frozen=True)
 class Bulk:
-    """Parameters of a solid. Raises ValueError naming the parameter, what was found and what is allowed.
+    """Parameters of a solid, as in `Bulk(young=2e4, poisson=0.4)`. Raises ValueError naming the parameter, what was found and
+    what is allowed.
 
     young               Young's modulus E [Pa], > 0
     poisson             Poisson's ratio [1], in (-1, 0.5)

@@ -26,7 +26,8 @@ TURN = {"X": (1, 2, 0), "Y": (2, 0, 1), "Z": (0, 1, 2)}      # axes of a frame w
 
 @dataclass(frozen=True)
 class Plane:
-    """A half space: all on one side of a plane through the own origin is solid, without end.
+    """A half space: all on one side of a plane through the own origin is solid, without end, as in `scene.collider("/floor",
+    Plane())`.
 
     axis    own axis out of the solid, "X", "Y" or "Z"; None: the scene's up where `Scene.collider` places it by `at`, else "Z"
     """
@@ -40,7 +41,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball about the own origin.
+    """A ball about the own origin, as in `scene.collider("/ball", Sphere(0.2), at=(0, 1, 0))`.
 
     radius    [m]
     """
@@ -50,7 +51,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Box:
-    """A box about the own origin.
+    """A box about the own origin, as in `scene.collider("/table", Box((0.5, 0.02, 0.3)), at=(0, 0.7, 0))`.
 
     half    half of its edge lengths along x, y, z, (3,) [m]
     """
@@ -60,7 +61,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Capsule:
-    """A cylinder with round caps, along own z.
+    """A cylinder with round caps, along own z, as in `scene.body("/pill", Capsule(0.05, 0.1), at=(0, 1, 0))`.
 
     radius         [m]
     half_height    half the length of the straight part [m]
@@ -72,7 +73,7 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder along own z.
+    """A cylinder along own z, as in `scene.body("/wheel", Cylinder(0.3, 0.05), at=(0, 0.3, 0))`.
 
     radius         [m]
     half_height    half its height [m]
@@ -84,7 +85,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Cone:
-    """A cone along own z, its apex at +half_height.
+    """A cone along own z, its apex at +half_height, as in `scene.collider("/cone", Cone(0.1, 0.2))`.
 
     radius         of its base at -half_height [m]
     half_height    half its height [m]
@@ -96,7 +97,8 @@ class Cone:
 
 @dataclass(eq=False)
 class Surface(Compared):
-    """A triangle mesh. Closed: its inside is solid. Open: both sides keep `Collider.thickness` away.
+    """A triangle mesh, as in `scene.collider("/torso", Surface(*shapes.torso()))`. Closed: its inside is solid. Open: both
+    sides keep `Collider.thickness` away.
 
     points     (n, 3) [m], own frame, float32
     counts     corners of each polygon, (faces,)
@@ -124,7 +126,7 @@ def upright(shape: Shape, up: str) -> Shape:
 
 @dataclass(eq=False)
 class Collider(Compared):
-    """A solid that pushes and is not pushed.
+    """A solid that pushes and is not pushed, as in `scene.collider("/floor", Plane(), dynamic_friction=0.2)`.
 
     path                prim path
     shape               Plane (of axis X or Y: one of axis Z in a turned frame), Sphere, Box, Capsule, Cylinder, Cone, Surface
@@ -227,10 +229,6 @@ def _round(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.hypot(q[:, 0], q[:, 1]), q[:, 2]
 
 
-def _norm(shape: Any) -> float:
-    return float(np.linalg.norm([shape.radius, shape.half_height]))
-
-
 def _straight(lengths: Numbers) -> Numbers:
     """(bottom, top, half) of (radius, height) or (bottom, top, height)."""
     return lengths[0], lengths[-2], lengths[-1] / 2.0
@@ -286,11 +284,13 @@ SOLIDS: list[Solid] = [
           written=("Capsule",), read=lambda *lengths: _straight(lengths), scaled=_of_round(Capsule, (1, 2)),
           outline=lambda p, sides: primitives.capsule(p[0], p[1], p[2], sides), write=_radius_and_height,
           given=lambda c: (c.radius, c.radius, c.half_height), vanishing=("half_height",)),
-    Solid("cylinder", Cylinder, ball=_norm, curvature=lambda c: c.radius, distance=_cylinder_distance,
+    Solid("cylinder", Cylinder, ball=lambda c: hypot(c.radius, c.half_height), curvature=lambda c: c.radius,
+          distance=_cylinder_distance,
           usd={"Cylinder": ROUND, "Cylinder_1": ENDS}, written=("Cylinder",), read=lambda *lengths: _straight(lengths),
           scaled=_of_round(Cylinder, (1,)), outline=lambda p, sides: primitives.cylinder(p[0], p[1], p[2], sides),
           write=_radius_and_height, given=lambda c: (c.radius, c.radius, c.half_height)),
-    Solid("cone", Cone, ball=_norm, distance=_cone_distance, usd={"Cone": ROUND}, written=("Cone",),
+    Solid("cone", Cone, ball=lambda c: hypot(c.radius, c.half_height), distance=_cone_distance, usd={"Cone": ROUND},
+          written=("Cone",),
           curvature=lambda c: 0.5 * c.radius * hypot(c.radius, 2.0 * c.half_height) / (2.0 * c.half_height),
           read=lambda radius, height: (radius, 0.0, height / 2.0),
           scaled=lambda p, scale: (Cone(float(p[0] * abs(scale[0])), float(p[2] * abs(scale[2])))

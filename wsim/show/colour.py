@@ -16,8 +16,8 @@ from wsim.geometry.tetra.tets import volumes
 from wsim.model.model import Body
 from wsim.physics.cloth.kinds.membrane import flat
 from wsim.scene import Cloth, Soft, Springs
+from wsim.scene.nodal.skin import Embedding, held
 from wsim.scene.samples import Colour
-from wsim.scene.skin import Embedding, held
 
 KINDS = ("strain", "stress", "contact")
 TOP = 0.1                      # strain at the end of the scale

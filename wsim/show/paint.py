@@ -8,7 +8,7 @@ import numpy as np
 from wsim.model.model import Body, make_body
 from wsim.scene import Problem, SceneError, Soft
 from wsim.scene.check.contact import kept
-from wsim.scene.skin import held
+from wsim.scene.nodal.skin import held
 from wsim.show.colour import KINDS, NEAR, measured, scale, through
 from wsim.show.prim import Drawn
 from wsim.show.visible import Visible

@@ -19,7 +19,7 @@ from wsim.geometry.tetra.tets import surface
 from wsim.geometry.triangulate import triangulate
 from wsim.scene import Cloth, Collider, Plane, Scene, Shape, Soft, Springs, Surface, samples
 from wsim.scene.methods import every
-from wsim.scene.skin import held
+from wsim.scene.nodal.skin import held
 from wsim.scene.solids import row
 from wsim.show.camera import fitted, subjects
 from wsim.show.rerun_log import Eye, Log, Shown, checked, srgb

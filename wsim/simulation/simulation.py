@@ -34,7 +34,7 @@ REPEATS = 8            # a frame that is not done after so many repeats is an er
 
 
 class Simulation:
-    """A scene on a device.
+    """A scene on a device, as in `Simulation(scene, device="cpu").run(10)`.
 
     scene      a `Scene`, the path of a USD file, or a `Usd.Stage`
     device     "cpu", "cuda:0", ...; None takes the GPU if there is one

@@ -45,7 +45,7 @@ class Prims:
 
 
 def load(path, variants: dict[str, dict[str, str]] | None = None, frames: int | None = None) -> Scene:
-    """The scene of a USD file, or of a `Usd.Stage`, in SI units.
+    """The scene of a USD file, or of a `Usd.Stage`, in SI units, as in `Simulation(load("flag.usda", frames=24))`.
 
     path        a .usda, .usdc, .usd or .usdz file; or an open stage, read as it is now
     variants    {prim path: {variant set: variant}} to choose before reading

@@ -29,7 +29,7 @@ from wsim.usd.transforms.splines import replace_samples
 
 
 def save(scene: Scene, path) -> None:
-    """Writes a scene as a stage (.usda, .usdc, .usd) that `load` reads back equal.
+    """Writes a scene as a stage (.usda, .usdc, .usd) that `load` reads back equal, as in `save(scene, "flag.usda")`.
 
     Raises SceneError if the scene has fatal problems, or if the file cannot be written.
     """

@@ -24,16 +24,26 @@ CHUNK = 4_000_000      # distances at a time
 
 @dataclass
 class Track:
-    """positions (k, n, 3) [m] of n points of the body `path` at k frames."""
+    """Positions of points of a body or of rods at frames, observed: what `wsim.fit` compares a run with, as in
+    `Track("/flag", frames=[1, 2], positions=seen)`.
+
+    path         prim path of the body
+    frames       numbers of the frames, (k,) [frames]; 0 is the start
+    positions    of n points, world (k, n, 3) [m]; NaN: not seen
+    points       indices of these points, in the author's order, (n,); None: all
+    weights      of each, (n,) or (k, n) [1]: its part of 1 / sigma^2; 0: not counted
+    sigma        standard deviation of a coordinate [m]; None: estimated
+    source       file, for messages
+    """
 
     unit = "m"
     path: str
     frames: np.ndarray
     positions: np.ndarray
-    points: np.ndarray | None = None         # which, in the author's order, (n,); None: all
-    weights: np.ndarray | None = None        # of each, (n,) or (k, n): part of 1 / sigma^2; 0: not counted
-    sigma: float | None = None               # standard deviation of a coordinate [m]; None: estimated
-    source: str = "observations"             # file, for messages
+    points: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    sigma: float | None = None
+    source: str = "observations"
 
     def __post_init__(self):
         self.frames = np.atleast_1d(np.asarray(self.frames, np.int64))

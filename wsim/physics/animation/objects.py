@@ -43,7 +43,8 @@ def _matrices(value, n: int) -> np.ndarray:
 @dataclass(eq=False)
 class Skeleton(Compared):
     """A tree of joints and how they move (USD: Skeleton, SkelAnimation). Keys are linear in between, rotations turn at constant
-    speed about a fixed axis; before the first and after the last they are held.
+    speed about a fixed axis; before the first and after the last they are held. As in
+    `scene.add(Skeleton("/rig", ("hip", "hip/knee"), bind=np.tile(np.eye(4), (2, 1, 1))))`.
 
     path            prim path
     joints          names, (joints,): paths such as "hip/knee"

@@ -62,7 +62,8 @@ class Cubes(Compared):
 
 @dataclass(eq=False)
 class Fluid(Cubes):
-    """A box of air on a grid of cubes. Where an axis has one cell the fluid is flat, and costs no third axis.
+    """A box of air on a grid of cubes, as in `scene.smoke("/air", (0, 0, 0), (1, 2, 1), cell=0.1)`. Where an axis has one
+    cell the fluid is flat, and costs no third axis.
 
     path             prim path
     low              corner of the box, world (3,) [m]
@@ -140,7 +141,8 @@ class Fluid(Cubes):
 
 @dataclass(eq=False)
 class Source(Compared):
-    """A shape that puts smoke, heat, air or speed into the fluids that it reaches.
+    """A shape that puts smoke, heat, air or speed into the fluids that it reaches, as in
+    `scene.smoke_source("/fire", scene.smoke("/air", (0, 0, 0), (1, 2, 1), cell=0.1), Sphere(0.2), temperature=400, smoke=5)`.
 
     path          prim path
     shape         as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, or a closed Surface

@@ -29,7 +29,7 @@ SURFACE = ("static_friction", "dynamic_friction", "restitution")         # of a 
 
 @dataclass(eq=False)
 class Body(Compared):
-    """A rigid body, which moves by forces.
+    """A rigid body, which moves by forces, as in `scene.body("/die", Box((0.01, 0.01, 0.01)), at=(0, 0.1, 0), density=1200)`.
 
     path        prim path
     colliders   its shapes; their `motion` leads to the body's frame, with one key

@@ -17,7 +17,8 @@ LEAST = 3                          # points of a strand that can bend
 
 @dataclass(eq=False)
 class Rods(Compared):
-    """Strands that stretch, bend and twist (Kirchhoff rods: cross-sections stay across their centre line).
+    """Strands that stretch, bend and twist (Kirchhoff rods: cross-sections stay across their centre line), as in
+    `scene.rods("/rope", [(0.1 * k, 1, 0) for k in range(9)], counts=[9], diameters=0.01)`.
 
     path                prim path
     points              (n, 3) [m], own frame, strand behind strand

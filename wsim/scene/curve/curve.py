@@ -45,8 +45,9 @@ def keyed(times, values) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Curve:
-    """A value over time, by keys. Raises ValueError where times do not increase, there is not one value a time, or a kind is
-    unknown, lacks what it needs or has what it does not take.
+    """A value over time, by keys, as in `Curve([0.0, 1.0], [0.0, 5.0], kind="monotone").at(0.5)`. Raises ValueError where
+    times do not increase, there is not one value a time, or a kind is unknown, lacks what it needs or has what it does not
+    take.
 
     times     of the keys, (keys,) [s] from the start of the scene, increasing
     values    at the keys, (keys, ...), in the unit of what it stands for

@@ -40,8 +40,9 @@ def _segment(times: np.ndarray, t: float) -> tuple[int, int, float]:
 
 
 class Motion(Curve):
-    """Local-to-world transforms over time, as matrices that act on columns; rotations turn by slerp, or smoothly by squad.
-    Raises ValueError as a `Curve` does.
+    """Local-to-world transforms over time, as matrices that act on columns; rotations turn by slerp, or smoothly by squad, as
+    in `scene.collider("/hand", Sphere(0.1), motion=Motion.through([0.0, 1.0], [(0, 0, 0), (0, 0, 1)]))`. Raises ValueError as
+    a `Curve` does.
 
     times     of the keys, (keys,) [s] from the start of the scene, increasing
     values    (keys, 4, 4), lengths [m]

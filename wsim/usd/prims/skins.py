@@ -13,7 +13,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from wsim.scene import Problem, Scene, SceneError, Skin, Soft, Surface
-from wsim.scene.skin import hold
+from wsim.scene.nodal.skin import hold
 from wsim.usd import names
 from wsim.usd.attributes import DEFAULT, author, read, read_row
 from wsim.usd.load_varying import steady
@@ -109,7 +109,7 @@ def _back(M: np.ndarray, world: np.ndarray) -> np.ndarray:
 
 def carried(soft: Soft, skin: Skin, before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Points of a skin [m] in the body's frame, (m, 3) float32, that follow its tets from points `before` to `after`, (n, 3).
-    Raises SceneError as `wsim.scene.skin.hold` does."""
+    Raises SceneError as `wsim.scene.nodal.skin.hold` does."""
     return hold(replace(soft, rest_points=before), skin).of(after).astype(np.float32)
 
 

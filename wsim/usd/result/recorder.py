@@ -3,8 +3,8 @@
     with Recorder(scene, "flag.usdc") as recorder:
         recorder.append(recorder.time_code(0), {"/flag": positions}, {"/flag": velocities})
 
-The result sublayers the scene's file by a relative path and has `over`s alone: time samples of points, velocities,
-normals and extent, of bodies and skins that follow them (`wsim.scene.skin`), and the surface of a soft body without a skin.
+The result sublayers the scene's file by a relative path and has `over`s alone: time samples of points, velocities, normals
+and extent, of bodies and skins that follow them (`wsim.scene.nodal.skin`), and the surface of a soft body without a skin.
 Default values stay those of the source, because unauthored rest shapes are read from them. The file grows under a name of its
 own and is renamed when it is whole: `wsim.usd.result.partial` says what stays of a run that does not get so far."""
 
@@ -17,7 +17,7 @@ import numpy as np
 from pxr import Usd, UsdUtils
 
 from wsim.scene import Problem, Scene, SceneError
-from wsim.scene.skin import held
+from wsim.scene.nodal.skin import held
 from wsim.usd.prims.reactions import forces_of
 from wsim.usd.prims.surface import surfaces
 from wsim.usd.result import provenance
@@ -51,7 +51,8 @@ def check_result(scene: Scene, path: str, restart: str | None = None) -> None:
 
 
 class Recorder:
-    """Records one run of `scene` into `path` (.usdc, .usda, .usd).
+    """Records one run of `scene` into `path` (.usdc, .usda, .usd), as in `Recorder(scene, "out.usda")`, or
+    `simulation.record("out.usda")`.
 
     flatten            one self-contained file instead of a layer over the source
     velocities         write them (motion blur, restart); False blocks those of the source

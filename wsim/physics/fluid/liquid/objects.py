@@ -25,7 +25,8 @@ GIVEN = 0.5              # cells that what a source gives may cross in a step
 
 @dataclass(eq=False)
 class Liquid(Cubes):
-    """A box in which liquid moves, on a grid of cubes. Where an axis has one cell the liquid is flat, and costs no third axis.
+    """A box in which liquid moves, on a grid of cubes, as in `scene.liquid("/tank", (0, 0, 0), (1, 1, 1), cell=0.1)`. Where
+    an axis has one cell the liquid is flat, and costs no third axis.
 
     path        prim path
     low         corner of the box, world (3,) [m]
@@ -64,7 +65,8 @@ class Liquid(Cubes):
 
 @dataclass(eq=False)
 class LiquidSource(Compared):
-    """A shape that liquid fills at the start, flows from, or vanishes in.
+    """A shape that liquid fills at the start, flows from, or vanishes in, as in `scene.liquid_source("/water",
+    scene.liquid("/tank", (0, 0, 0), (1, 1, 1), cell=0.1), Box((0.5, 0.2, 0.5)), at=(0.5, 0.2, 0.5))`.
 
     path        prim path
     shape       as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, or a closed Surface

@@ -50,7 +50,8 @@ class Drive:
 
 @dataclass(eq=False)
 class Joint(Compared):
-    """A joint between two bodies, or a body and the world.
+    """A joint between two bodies, or a body and the world, as in
+    `scene.joint("revolute", "/hinge", None, scene.body("/door", Box((0.4, 1, 0.02))), at=(-0.4, 0, 0), axis=(0, 1, 0))`.
 
     path       prim path
     body0      prim path of the body of frame 0; "": the world, or what `motion` says
@@ -111,6 +112,7 @@ class Joint(Compared):
         return replace(self, drives=new)
 
     def locked(self, name: str) -> bool:
+        """Whether a coordinate cannot move."""
         return name in self.limits and self.limits[name][0] >= self.limits[name][1]
 
 
@@ -161,3 +163,6 @@ def spherical(path: str, body0: Body | None, body1: Body | None, **more) -> Join
 
 def _within(name: str, low: float, high: float) -> dict[str, tuple[float, float]]:
     return {name: (low, high)} if low > -inf or high < inf else {}
+
+
+KINDS = {"fixed": fixed, "revolute": revolute, "prismatic": prismatic, "spherical": spherical}       # by name, for scenes

@@ -11,8 +11,8 @@ from pxr import Sdf, Usd, UsdGeom, UsdSkel, UsdVol
 
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.methods import every
+from wsim.scene.nodal.skin import held
 from wsim.scene.samples import DROPS, VOLUME
-from wsim.scene.skin import held
 from wsim.usd.result.kinds.volumes import straight
 from wsim.usd.result.partial import CONTROL
 from wsim.usd.result.samples import Frame, body_prim, moves

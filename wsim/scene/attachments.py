@@ -1,0 +1,120 @@
+"""What holds, ties or loads the points of bodies, and live values that vary in time: plain data in SI units, NumPy only."""
+
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from wsim.scene.bodies import Compared, array, reals
+from wsim.scene.curve import Curve, Motion
+
+
+@dataclass(eq=False)
+class Pin(Compared):
+    """Points of a body held to a frame, still or animated (USD: PhysicsAttachment, point to xform), as in
+    `scene.pin("/pins", flag, range(9))`.
+
+    path        prim path
+    body        prim path of the cloth, spring net or soft body
+    points      indices of its points, (k,), in the author's order, counted from 0
+    target      prim path of the Xform that holds them; "": an Xform beside the pin
+    motion      the target's frame to world over time, rigid, lengths [m]
+    places      where they are held, (k, 3) [m] in the target's frame; None: where the points start
+    stiffness   [N/m]; inf: hard, the points follow exactly
+    damping     [N s/m], of a soft pin
+    follows     a `Follow`, places on a mesh that joints move, instead of motion and places
+    """
+
+    path: str
+    body: str
+    points: np.ndarray
+    target: str = ""
+    motion: Motion = field(default_factory=Motion.still)
+    places: np.ndarray | None = None
+    stiffness: float = inf
+    damping: float = 0.0
+    follows: Any = None
+
+    def __post_init__(self):
+        self.points = array(list(self.points) if isinstance(self.points, range) else self.points, np.int32, -1)
+        self.places = reals(self.places, -1, 3)
+
+
+@dataclass(eq=False)
+class Tie(Compared):
+    """Points that a body shares with a soft body (USD: PhysicsAttachment, point to point): a cloth laid on it, say, as in
+    `scene.tie("/tie", flag, [0, 1], jelly, [4, 5])`.
+
+    path        prim path
+    body        prim path of a cloth, spring net or soft body
+    points      indices of its points, (k,)
+    other       prim path of a soft body; its points are where the shared ones are
+    others      indices of the points of `other`, (k,), in the same order
+    """
+
+    path: str
+    body: str
+    points: np.ndarray
+    other: str
+    others: np.ndarray
+
+    def __post_init__(self):
+        self.points, self.others = array(self.points, np.int32, -1), array(self.others, np.int32, -1)
+
+
+@dataclass(eq=False)
+class Load(Compared):
+    """A force on points of a body, or a traction on triangles, over time, as in `scene.force("/pull", flag, [8], (0, 0, 2.0))`.
+    Dead: its direction stays (`Soft.pressure` turns).
+
+    path        prim path
+    body        prim path of the cloth, spring net, soft body or rods; rods take forces alone
+    curve       force [N] or traction [Pa], world, values (keys, 3), linear between keys
+    points      of a force: indices of the points, (k,)
+    weights     of a force: share of it that each point bears, (k,) [1]; None: 1/k, so that it is their sum
+    triangles   of a traction: points of each triangle, (m, 3); it acts on their area at rest
+    """
+
+    path: str
+    body: str
+    curve: Curve
+    points: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    triangles: np.ndarray | None = None
+
+    def __post_init__(self):
+        self.points, self.triangles = array(self.points, np.int32, -1), array(self.triangles, np.int32, -1, 3)
+        self.weights = array(self.weights, np.float32, -1)
+        self.curve = self.curve.replaced(np.asarray(self.curve.values, np.float64))
+
+    @property
+    def name(self) -> str:
+        """Kind of load, as live values are named: "force" or "traction"."""
+        return "force" if self.triangles is None else "traction"
+
+    @property
+    def parts(self) -> np.ndarray:
+        """Part of a force that each of its points bears [1], (k,)."""
+        assert self.points is not None
+        k = len(self.points)
+        return np.full(k, 1.0 / max(k, 1)) if self.weights is None else self.weights.astype(np.float64)
+
+
+def over_time(value) -> Curve:
+    """A vector (3,) as a curve that stays; a Curve as it is."""
+    return value if isinstance(value, Curve) else Curve(np.zeros(1), np.asarray(value, np.float64)[None])
+
+
+@dataclass(eq=False)
+class Varying(Compared):
+    """A live value that varies in time, linear between keys. A frame uses the value at its middle (`wsim.simulation.varying`).
+
+    path        prim path of a body or collider; "/": the whole scene
+    name        as `Simulation.set` takes it: gravity, wind, stretch, young ... (`wsim.scene.values.table`)
+    curve       values (keys, ...), in the SI unit of that name [m, kg, s]
+    """
+
+    path: str
+    name: str
+    curve: Curve
