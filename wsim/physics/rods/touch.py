@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SAID = "rods' contact"           # status words, see kernels/selfcontact/cut.py, and behind them the one below
 FULL = cut.SAID                  # pairs of a point that there was no room for
-ROOM = 48                        # of pairs of a point, at first
+ROOM, WIDE, ENTRIES = 48, 256, 1 << 18     # pairs of a point that there is room for at first: of few WIDE, ENTRIES in all
 MEMORY = ("kept", "stick", "load", "many", "of")         # what pairs remember from a substep to the next
 
 
@@ -106,7 +106,8 @@ class Touching(Together):
         self.sides = filled(touch.Sides, **{k: self.ground.upload(v, int if k == "strand" else wp.float64)
                                             for k, v in vars(self.edges.sides()).items()})
         self.none = self.zeros(self.ground.points, dtype=wp.vec3d)
-        self.deep, self.total, self.frames, self.repeats = ROOM, np.zeros(cut.SAID + 1, np.int64), 0, 0
+        self.deep, self.total = max(ROOM, min(WIDE, ENTRIES // self.ground.points)), np.zeros(cut.SAID + 1, np.int64)
+        self.frames = self.repeats = 0
         self.went_on = False                 # True: an earlier run has left what pairs remember
         self.room()
         self.memory = Remembered(self)
