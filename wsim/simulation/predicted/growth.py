@@ -27,7 +27,6 @@ import numpy as np
 
 from wsim.model.model import edge_lengths
 from wsim.scene import Box, Cloth, Cone, Cylinder
-from wsim.simulation.measure.indicators import edge_strain
 from wsim.simulation.predicted import errors
 
 GROWS = 0.81           # points of a sheet do not move one by one, and compression comes and goes
@@ -52,6 +51,7 @@ class Growth:
         self.model, self.dt, self.size = sim.model, 1.0 / sim.scene.fps, errors.size(sim.model)
         self.edge = max(b.size / b.row for b in errors.falls(sim.model)) / self.size
         self.air = max(c for _, c in errors.aired(sim.model))
+        self.sheets = [Across(b) for b in self.model.bodies if len(b.edges) and not len(b.tets)]    # soft bodies do not fold
         self.exponent, self.grown, self.touched = 0.0, SEED, False
 
     @property
@@ -80,7 +80,7 @@ class Growth:
 
     def look(self, x: np.ndarray, error: float = 0.0) -> None:
         """Looks at positions (points, 3) [m] at the end of a frame; error: that its steps made, over the size."""
-        s, half = GROWS * instability(self.model, x), 0.5 * self.air
+        s, half = GROWS * max((sheet.instability(x) for sheet in self.sheets), default=0.0), 0.5 * self.air
         grows = (sqrt(s * s + half * half) - half) * self.dt
         self.exponent += grows
         self.grown = self.grown * exp(min(grows, 300.0)) + SHARE * error
@@ -157,20 +157,26 @@ def beside_cone(cone: Cone, q: np.ndarray, near: float) -> np.ndarray:
 BESIDE: dict[type, Callable] = {Box: beside_box, Cylinder: beside_rims, Cone: beside_cone}
 
 
-def instability(model, x: np.ndarray) -> float:
-    """Largest RMS over the points of a body of sigma [1/s] at positions x (points, 3) [m]; soft bodies have none of it."""
-    found = 0.0
-    for body in (b for b in model.bodies if len(b.edges) and not len(b.tets)):
-        rest = edge_lengths(body)
+class Across:
+    """What drives the points of a net or sheet back that move across it: lengths and ends of its edges are looked up once."""
+
+    def __init__(self, body):
+        rest, source = edge_lengths(body), body.source
         good = rest > 0.0
-        ends, length = (body.edges - body.first)[good], rest[good]
-        strain, source = edge_strain(body, x), body.source
+        self.edges, self.rest = body.edges[good], rest[good]
+        self.ends = np.ravel(self.edges.T - body.first)
+        self.free, self.bend = body.masses > 0.0, np.zeros(1)
+        self.masses = np.where(self.free, body.masses, 1.0)
         if isinstance(source, Cloth):
-            stretch = source.material.stretch if source.stretches is None else float(np.mean(source.stretches))
-            tension = stretch * strain + source.material.bend * (np.pi / length)**2
+            self.stretch = source.material.stretch if source.stretches is None else float(np.mean(source.stretches))
+            self.bend = source.material.bend * (np.pi / self.rest)**2
         else:
-            tension = float(np.mean(source.stiffness)) * strain
-        across = np.bincount(ends[:, 0], tension, body.count) + np.bincount(ends[:, 1], tension, body.count)
-        free = body.masses > 0.0
-        found = max(found, float(np.sqrt(np.mean(np.maximum(-across[free] / body.masses[free], 0.0)))))
-    return found
+            self.stretch = float(np.mean(source.stiffness))
+
+    def instability(self, x: np.ndarray) -> float:
+        """RMS over the points of sigma [1/s] at positions x (points, 3) [m]."""
+        ends = x[self.edges[:, 1]] - x[self.edges[:, 0]]
+        strain = np.sqrt(np.einsum("ij,ij->i", ends, ends)) / self.rest - 1.0
+        tension = self.stretch * strain + self.bend
+        across = np.bincount(self.ends, np.tile(tension, 2), len(self.free)) / self.masses
+        return float(np.sqrt(np.mean(np.maximum(-across[self.free], 0.0))))
