@@ -28,9 +28,6 @@ from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.motion import double, double3, free_rotation
 from wsim.kernels.rigid.touch.star import structs as stars
-from wsim.kernels.rigid.touch.star import total_vector
-
-SLID = 0.999           # of the bound of friction at which a contact counts as one that slides: it then has the dynamic bound
 
 
 @cache
@@ -141,12 +138,14 @@ def keys(real, module):
 
 
 @cache
-def begin(real, module):
-    """Kernel over bodies: velocities and spins that contacts are found with; nothing is given yet."""
-    Found, Rig = structs(real)[1], whole(real)
+def beginning(real):
+    """(ahead, found): functions of body i: velocity and spin that contacts are found with, and nothing is given yet; of contact
+    m: its arm, and the plane as it was found."""
+    t, (Shapes, Found, Points), Rows = types(real), structs(real), stars(real)[0]
+    Slots, Rig = project.slots(real), whole(real)
 
-    def touch_begin(rig: Rig, out: Found):
-        i = wp.tid()
+    @wp.func
+    def ahead(rig: Rig, i: int, out: Found):
         n = rig.b.w.shape[0]
         out.ahead[i] = wp.float64(rig.b.w[i]) * double3(rig.now.p[i])
         out.ahead[n + i] = wp.mat33d(rig.work.spread[i]) * double3(rig.now.L[i])
@@ -155,20 +154,8 @@ def begin(real, module):
         out.still[i] = wp.vec3d()
         out.still[n + i] = wp.vec3d()
 
-    return wp.kernel(touch_begin, name=f"touch_begin_{types(real).name}", module=module, enable_backward=False)
-
-
-@cache
-def found(real, module):
-    """Kernel over the room for contacts: arms, and the planes as they were found."""
-    t, (Shapes, Found, Points), Rows = types(real), structs(real), stars(real)[0]
-    Slots, Rig = project.slots(real), whole(real)
-
-    def touch_found(shapes: Shapes, rig: Rig, s: Slots, p: Points, rows_out: Rows, out: Found):
-        m = wp.tid()
-        bodies = rig.b.w.shape[0]
-        if m >= rows_out.first[bodies]:
-            return
+    @wp.func
+    def found(shapes: Shapes, rig: Rig, s: Slots, p: Points, m: int, rows_out: Rows, out: Found):
         j = rows_out.slot[m]
         i = j % s.points
         body = shapes.of[s.row[j]]
@@ -183,118 +170,29 @@ def found(real, module):
         out.u[m] = s.u[j]
         out.before[m] = wp.dot(n, p.v[i] - s.u[j])
 
-    return wp.kernel(touch_found, name=f"touch_found_{t.name}", module=module, enable_backward=False)
+    return ahead, found
 
 
 @cache
-def gather(real, module):
-    """Kernel over the room for contacts: their rows of a star."""
-    t, (_, Found, Points), Rows, Slots = types(real), structs(real), stars(real)[0], project.slots(real)
-    Table = project.tables(real)[0]
+def begin(real, module):
+    """Kernel over bodies, see `beginning`."""
+    Found, Rig, own = structs(real)[1], whole(real), beginning(real)[0]
 
-    def touch_gather(c: Table, s: Slots, p: Points, found: Found, bodies: int, rows_out: Rows):
+    def touch_begin(rig: Rig, out: Found):
+        own(rig, wp.tid(), out)
+
+    return wp.kernel(touch_begin, name=f"touch_begin_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def found(real, module):
+    """Kernel over the room for contacts, see `beginning`."""
+    (Shapes, Found, Points), Rows, own = structs(real), stars(real)[0], beginning(real)[1]
+    Slots, Rig = project.slots(real), whole(real)
+
+    def touch_found(shapes: Shapes, rig: Rig, s: Slots, p: Points, rows_out: Rows, out: Found):
         m = wp.tid()
-        if m >= rows_out.first[bodies]:
-            return
-        j = rows_out.slot[m]
-        i = j % s.points
-        n = rows_out.n[m]
-        P = p.push[j]
-        d0 = p.d[i] - P
-        lam = wp.dot(P, n)
-        mu = real(0.5) * (p.friction[i] + c.friction[s.row[j]])
-        bound = mu[0]
-        if lam > real(0.0) and wp.length(P - lam * n) >= real(SLID) * mu[1] * lam:
-            bound = mu[1]
-        rows_out.base[m] = -(found.b[m] + wp.dot(n, d0))
-        rows_out.least[m] = real(0.0)
-        rows_out.slip[m] = (d0 - p.a[i]) - p.g * found.u[m]
-        rows_out.mu[m] = bound
-        rows_out.f[m] = real(1.0) / (p.w[i] * p.c)
+        if m < rows_out.first[rig.b.w.shape[0]]:
+            own(shapes, rig, s, p, m, rows_out, out)
 
-    return wp.kernel(touch_gather, name=f"touch_gather_{t.name}", module=module, enable_backward=False)
-
-
-@cache
-def hubs(real, module):
-    """Kernel over bodies: momentum without what points have given, less that which V = 0 is counted from. given: 1, or 0 for
-    impulses that come on top."""
-    Found, Rig, Hubs = structs(real)[1], whole(real), stars(real)[1]
-
-    def touch_hubs(rig: Rig, found: Found, given: wp.float64, out: Hubs):
-        i = wp.tid()
-        n = rig.b.w.shape[0]
-        R = wp.mat33d(rig.work.turn[i])
-        at = rotate_moments(R, double3(rig.b.inverse[i]), found.ahead[n + i])
-        out.q[i] = double3(rig.now.p[i]) + given * found.total[i] - found.ahead[i] / wp.float64(rig.b.w[i])
-        out.q[n + i] = double3(rig.now.L[i]) + given * found.total[n + i] - at
-
-    return wp.kernel(touch_hubs, name=f"touch_hubs_{types(real).name}", module=module, enable_backward=False)
-
-
-@wp.func
-def rotate_moments(R: wp.mat33d, inverse: wp.vec3d, omega: wp.vec3d):
-    """I omega of the principal axes R."""
-    return R * wp.cw_div(wp.transpose(R) * omega, inverse)
-
-
-@cache
-def tell(real, module):
-    """Kernel over the room for contacts: planes and speeds of surfaces, as bodies go by V."""
-    t, Found, Rows, Slots = types(real), structs(real)[1], stars(real)[0], project.slots(real)
-
-    def touch_tell(rows: Rows, found: Found, V: wp.array(dtype=wp.vec3d), of: wp.array(dtype=int), h: real, s_out: Slots):
-        m = wp.tid()
-        bodies = V.shape[0] // 2
-        if m >= rows.first[bodies]:
-            return
-        j = rows.slot[m]
-        body = of[s_out.row[j]]
-        U = V[body] + wp.cross(V[bodies + body], double3(rows.r[m]))
-        n = rows.n[m]
-        s_out.u[j] = t.vec3(real(wp.float64(found.u[m][0]) + U[0]), real(wp.float64(found.u[m][1]) + U[1]),
-                            real(wp.float64(found.u[m][2]) + U[2]))
-        s_out.b[j] = real(wp.float64(found.b[m]) - wp.float64(h) * wp.dot(double3(n), U))
-
-    return wp.kernel(touch_tell, name=f"touch_tell_{t.name}", module=module, enable_backward=False)
-
-
-@cache
-def take(real, module):
-    """Kernel over bodies times lanes: momenta, less what their points have got beyond `total`. still: 1 for impulses that
-    change no place."""
-    t, Found, Rows, Rig = types(real), structs(real)[1], stars(real)[0], whole(real)
-
-    def touch_take(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, lanes: int, rig: Rig):
-        tid = wp.tid()
-        i = tid // lanes
-        bodies = rig.b.w.shape[0]
-        J = wp.vec3d()
-        T = wp.vec3d()
-        m = rows.first[i] + tid % lanes
-        while m < rows.first[i + 1]:
-            P = wp.float64(rows.f[m]) * double3(push[rows.slot[m]])
-            if still != 0:
-                P = wp.float64(found.q[rows.slot[m]]) * double3(rows.n[m])
-            J += P
-            T += wp.cross(double3(rows.r[m]), P)
-            m += lanes
-        J = total_vector(J)
-        T = total_vector(T)
-        if tid % lanes == 0 and rows.first[i + 1] > rows.first[i]:
-            p = double3(rig.now.p[i]) - J
-            L = double3(rig.now.L[i]) - T
-            if still != 0:
-                found.still[i] = J
-                found.still[bodies + i] = T
-            else:
-                p += found.total[i]
-                L += found.total[bodies + i]
-                found.total[i] = J
-                found.total[bodies + i] = T
-                if wp.dot(J, J) > wp.float64(0.0):
-                    rig.work.touched[i] = 1
-            rig.now.p[i] = t.vec3(real(p[0]), real(p[1]), real(p[2]))
-            rig.now.L[i] = t.vec3(real(L[0]), real(L[1]), real(L[2]))
-
-    return wp.kernel(touch_take, name=f"touch_take_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(touch_found, name=f"touch_found_{types(real).name}", module=module, enable_backward=False)

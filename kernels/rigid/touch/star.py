@@ -10,14 +10,16 @@ U = v + omega x r that of a place with the arm r, and P [m] the push on the poin
 
     F(V) = M V - q + sum (J, r x J) = 0           q: momentum of the body without these impulses, less that of V = 0
 
-Newton's method with J'(U) in closed form; a step that does not make |F| less, in the norm of M^-1, is halved. Friction makes J'
-unsymmetric. F has one root without friction, where it is the gradient of a convex function. 2 to 12 evaluations to 1e-12 m for
-mu from 0 to 1, 4 to 3000 contacts, and points of .01 to 100 times the body's mass; an impulse that the body got a substep late
-would grow once the points weigh twice the body, and Jacobi with split masses takes more than 64 sweeps.
+Newton's method with J'(U) in closed form; a step that does not make |F| less, in the norm of M^-1, is halved. Friction makes
+J' unsymmetric, and where contacts open and close |F| has minima that are no roots: a step of LEAST_STEP is taken as it is, and
+from then on steps have to beat the greatest of the last four |F| (nonmonotone line search: Grippo, Lampariello, Lucidi 1986).
+F has one root without friction, where it is the gradient of a convex function. 2 to 12 evaluations to 1e-12 m for mu from 0 to
+1, 4 to 3000 contacts, and points of .01 to 100 times the body's mass; an impulse that the body got a substep late would grow
+once the points weigh twice the body, and Jacobi with split masses takes more than 64 sweeps.
 
 Impulses that change no place have the same form, with k = 1 and no friction, in velocities instead of ways.
 
-A block of `lanes` threads sums over the contacts of a body, in an order that is always the same; on a CPU it is one thread.
+A team of threads sums over the contacts of a body, in an order that is always the same (kernels/math/team.py).
 """
 
 from functools import cache
@@ -25,12 +27,14 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.real import types
+from wsim.kernels.math.team import team_sum
 
 EVALUATIONS = wp.constant(80)
-LEAST_STEP = wp.constant(wp.float64(1e-4))     # part of a Newton step that is not halved again: it ends there
+LEAST_STEP = wp.constant(wp.float64(1e-3))     # part of a Newton step below which it is taken as it is
 SMALL = wp.constant(wp.float64(1e-22))         # of F^2 to that of the impulses at hand: it is solved
 
 real, vec3, mat33 = wp.float64, wp.vec3d, wp.mat33d
+VALUES, sum_values = wp.types.vector(43, real), team_sum(43)      # those of `Sums`
 
 
 @cache
@@ -109,32 +113,29 @@ class Sums:
 
 
 @wp.func
-def total(x: real):
-    """Of all threads of a block, in an order that is always the same."""
-    return wp.tile_extract(wp.tile_sum(wp.tile(x)), 0)
-
-
-@wp.func
-def total_vector(x: vec3):
-    return wp.tile_extract(wp.tile_sum(wp.tile(x, preserve_type=True)), 0)
-
-
-@wp.func
-def total_matrix(x: mat33):
-    return wp.tile_extract(wp.tile_sum(wp.tile(x, preserve_type=True)), 0)
-
-
-@wp.func
-def gathered(own: Sums):
-    """Of all threads of a block."""
+def gathered(own: Sums, warps: int, team: int):
+    """Of all threads of a team."""
+    v = VALUES()
+    for i in range(3):
+        v[i] = own.J[i]
+        v[3 + i] = own.T[i]
+        for j in range(3):
+            v[6 + 3 * i + j] = own.A[i, j]
+            v[15 + 3 * i + j] = own.B[i, j]
+            v[24 + 3 * i + j] = own.C[i, j]
+            v[33 + 3 * i + j] = own.D[i, j]
+    v[42] = own.size
+    v = sum_values(v, warps, team)
     all = Sums()
-    all.J = total_vector(own.J)
-    all.T = total_vector(own.T)
-    all.A = total_matrix(own.A)
-    all.B = total_matrix(own.B)
-    all.C = total_matrix(own.C)
-    all.D = total_matrix(own.D)
-    all.size = total(own.size)
+    for i in range(3):
+        all.J[i] = v[i]
+        all.T[i] = v[3 + i]
+        for j in range(3):
+            all.A[i, j] = v[6 + 3 * i + j]
+            all.B[i, j] = v[15 + 3 * i + j]
+            all.C[i, j] = v[24 + 3 * i + j]
+            all.D[i, j] = v[33 + 3 * i + j]
+    all.size = v[42]
     return all
 
 
@@ -144,6 +145,13 @@ def newton(S: Sums, mass: real, inertia: mat33, Fv: vec3, Fo: vec3):
     back = wp.inverse(S.A + mass * wp.identity(n=3, dtype=real))
     do = wp.inverse(S.D + inertia - S.C * back * S.B) * (S.C * back * Fv - Fo)
     return -back * (Fv + S.B * do), do
+
+
+@wp.func
+def inertias(R: mat33, inverse: vec3):
+    """I and I^-1, world, of the principal axes R."""
+    moments = wp.cw_div(vec3(real(1.0), real(1.0), real(1.0)), inverse)
+    return R * wp.diag(moments) * wp.transpose(R), R * wp.diag(inverse) * wp.transpose(R)
 
 
 @cache
@@ -176,52 +184,78 @@ def sums(of):
 
 
 @cache
-def star(of, module):
-    """Kernel over bodies times lanes: V of each, (velocity, then spin), and what is left of F as a part of what it began with.
-    k, g: of `law` [s]."""
+def solving(of):
+    """Function (rows, hubs, body, at, k, g, v0, o0): V from the guess v0, o0 on, and what is left of F as a part of the
+    impulses or of what it began with. at: lane, lanes and warps of the team of threads that solves, and its number in the
+    block."""
     Rows, Hubs = structs(of)
     part_of = sums(of)
 
-    def star(rows: Rows, hubs: Hubs, k: real, g: real, lanes: int, V_out: wp.array(dtype=vec3), left_out: wp.array(dtype=of)):
-        tid = wp.tid()
-        body = tid // lanes
-        R = mat33(hubs.turn[body])
-        moments = wp.cw_div(vec3(real(1.0), real(1.0), real(1.0)), vec3(hubs.inverse[body]))
-        inertia = R * wp.diag(moments) * wp.transpose(R)
-        spread = R * wp.diag(vec3(hubs.inverse[body])) * wp.transpose(R)
+    @wp.func
+    def solving(rows: Rows, hubs: Hubs, body: int, at: wp.vec4i, k: real, g: real, v0: vec3, o0: vec3):
+        inertia, spread = inertias(mat33(hubs.turn[body]), vec3(hubs.inverse[body]))
         w = real(hubs.w[body])
-        v = vec3()
-        o = vec3()
+        v = v0
+        o = o0
         dv = vec3()
         do = vec3()
+        best_v = vec3()
+        best_o = vec3()
         best = real(-1.0)
+        begun = real(0.0)
         scale = real(0.0)
+        last = wp.vec4d()                              # F^2 of the last step, and once it is stuck of three before it
+        stuck = int(0)
         part = real(1.0)
         going = wp.where(rows.first[body + 1] > rows.first[body], int(EVALUATIONS), 0)
         while going > 0:
             going -= 1
             tv = v + part * dv
             to = o + part * do
-            S = gathered(part_of(rows, body, tid % lanes, lanes, k, g, tv, to))
+            S = gathered(part_of(rows, body, at[0], at[1], k, g, tv, to), at[2], at[3])
             Fv = tv / w - hubs.q[body] + S.J
             Fo = inertia * to - hubs.q[hubs.w.shape[0] + body] + S.T
             found = w * wp.dot(Fv, Fv) + wp.dot(Fo, spread * Fo)
+            if best < real(0.0):
+                begun = found
+                last = wp.vec4d(found, real(0.0), real(0.0), real(0.0))
             if best < real(0.0) or found < best:
-                scale = wp.where(best < real(0.0), found, scale)
+                best = found
+                best_v = tv
+                best_o = to
+                scale = wp.max(begun, w * S.size * S.size)
+                if best <= SMALL * scale:
+                    going = int(0)
+            if part < LEAST_STEP:
+                stuck = int(1)
+            if found <= wp.max(wp.max(last[0], last[1]), wp.max(last[2], last[3])) or part < LEAST_STEP:
                 v = tv
                 o = to
-                best = found
+                last = wp.vec4d(found, real(stuck) * last[0], real(stuck) * last[1], real(stuck) * last[2])
                 part = real(1.0)
-                if best <= SMALL * wp.max(scale, w * S.size * S.size):
-                    going = int(0)
                 dv, do = newton(S, real(1.0) / w, inertia, Fv, Fo)
             else:
                 part = real(0.5) * part
-                if part < LEAST_STEP:
-                    going = int(0)
+        return best_v, best_o, of(wp.sqrt(wp.max(best, real(0.0)) / wp.max(scale, real(1e-300))))
+
+    return solving
+
+
+@cache
+def star(of, module):
+    """Kernel over bodies times lanes: V of each, (velocity, then spin), and what is left of F, see `solving`. k, g: of `law`
+    [s]."""
+    Rows, Hubs = structs(of)
+    solve = solving(of)
+
+    def star(rows: Rows, hubs: Hubs, k: real, g: real, lanes: int, V_out: wp.array(dtype=vec3), left_out: wp.array(dtype=of)):
+        tid = wp.tid()
+        body = tid // lanes
+        at = wp.vec4i(tid % lanes, lanes, (lanes + 31) // 32, 0)
+        v, o, left = solve(rows, hubs, body, at, k, g, vec3(), vec3())
         if tid % lanes == 0:
             V_out[body] = v
             V_out[hubs.w.shape[0] + body] = o
-            left_out[body] = of(wp.sqrt(wp.max(best, real(0.0)) / wp.max(scale, real(1e-300))))
+            left_out[body] = left
 
     return wp.kernel(star, name=f"star_{types(of).name}", module=module, enable_backward=False)

@@ -20,8 +20,8 @@ from wsim.kernels.rigid.passes import over_bodies
 
 def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0,
                bouncing: bool = False, linked: bool = False) -> list:
-    """Kernels begin, sweep and end, and `ready` if linked bodies bounce, for substep steps[0] of a frame, of h [s], with
-    steps[2] sweeps; the other arguments as of `passes.substeps`."""
+    """Kernels begin and end, and `ready` if linked bodies bounce, for substep steps[0] of a frame, of h [s]; the other
+    arguments as of `passes.substeps`."""
     Rig, act = whole(real), [acts(kind, real) for kind in kinds]
     begun, placed, ended = over_bodies(real)
     prepare = in_turn([at_once(kind, a.prepare, real) for kind, a in zip(kinds, act, strict=True)], real)
@@ -53,10 +53,6 @@ def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int
         meet()
         prepare(i, threads, steps[0], h, 1, rig)
 
-    def rigid_touch_sweep(steps: wp.vec3i, h: real, threads: int, rig: Rig):
-        for _sweep in range(steps[2]):
-            solve(wp.tid(), threads, steps[0], h, 1, rig)
-
     def rigid_touch_end(steps: wp.vec3i, h: real, threads: int, rig: Rig):
         i = wp.tid()
         k = steps[0]
@@ -66,7 +62,24 @@ def touch_step(kinds: Sequence[Kind], real, module, meet: Callable, threads: int
         meet()
         solve(i, threads, k, h, 0, rig)
 
+    passes = rigid_touch_begin, rigid_touch_end, *[rigid_touch_ready] * apart
+    return [kernel(each, module, threads, cluster) for each in passes]
+
+
+def kernel(function, module, threads: int, cluster: int):
+    """A kernel of threads that meet."""
     more = {"launch_bounds": threads} if threads else {}
     more |= {"cluster_dim": cluster} if cluster else {}
-    return [wp.kernel(each, name=each.__name__, module=module, enable_backward=False, grid_stride=False, **more)
-            for each in (rigid_touch_begin, rigid_touch_sweep, rigid_touch_end, *[rigid_touch_ready] * apart)]
+    return wp.kernel(function, name=function.__name__, module=module, enable_backward=False, grid_stride=False, **more)
+
+
+def touch_sweep(kinds: Sequence[Kind], real, module, meet: Callable, threads: int = 0, cluster: int = 0, bouncing=False):
+    """Kernel of steps[2] sweeps of substep steps[0]; the other arguments as of `touch_step`."""
+    Rig, act = whole(real), [acts(kind, real) for kind in kinds]
+    solve = in_turn([by_colour(kind, a.solve, meet, real) for kind, a in zip(kinds, act, strict=True)], real)
+
+    def rigid_touch_sweep(steps: wp.vec3i, h: real, threads: int, rig: Rig):
+        for _sweep in range(steps[2]):
+            solve(wp.tid(), threads, steps[0], h, 1, rig)
+
+    return kernel(rigid_touch_sweep, module, threads, cluster)

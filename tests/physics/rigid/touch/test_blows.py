@@ -100,14 +100,18 @@ def test_a_blow_that_rebounds_keeps_a_part_of_the_speed(way):
     assert seen.momentum[1] == pytest.approx(-1.5 * 0.6, rel=1e-6)
 
 
-def test_friction_slows_a_box_by_mu_of_what_presses():
-    """Over a plate of points a million times as heavy: v - mu F t / m, until it rests after v^2 m / (2 mu F)."""
-    v, mu, mass, force = 0.3, 0.3, 2.0, 8.0
+@pytest.mark.parametrize("v", [0.3, 0.35])
+def test_friction_slows_a_box_by_mu_of_what_presses(v):
+    """Over a plate of points a million times as heavy: v - mu F t / m, until it rests after v^2 m / (2 mu F). Rounding decides
+    which of them bear it: a star that got stuck there threw the box up, at 1.1 m/s where it began with 0.35."""
+    mu, mass, force = 0.3, 2.0, 8.0
     one = box("/box", (0.0, 0.1005, 0.0), (0.6, 0.1, 0.6), rub=mu, velocity=(v, 0.0, 0.0), mass=mass, force=(0.0, -force, 0.0))
     sim = run(scene(one, gravity=FREE, rub=mu, density=1e9))
-    sim.run(9)
+    for _ in range(9):
+        sim.step()
+        assert np.abs(Mixed(sim).speeds[0, 1:]).max() < 1e-4
     assert Mixed(sim).speeds[0, 0] == pytest.approx(v - mu * force / mass * 9 / 60, rel=5e-3)
-    sim.run(15)
+    sim.run(18)
     seen = Mixed(sim)
     assert np.abs(seen.speeds[0]).max() < 1e-4
     assert seen.x[0, 0] == pytest.approx(v * v * mass / (2.0 * mu * force), rel=1e-2)

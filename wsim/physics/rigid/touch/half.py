@@ -38,4 +38,4 @@ class Half:
         t.model.launch(self.kernels[1], t.room_for, [t.contacts.slots, t.points(clock), self.bare, n], [t.rows, t.aside])
         moving = t.rigid.moving()
         rig.now = filled(t.rigid.Moving, p=part["ph"], L=part["Lh"], **{name: getattr(moving, name) for name in "xeqo"})
-        t.blocks(t.take, [t.rows, t.aside, t.found, 0, t.lanes], [rig])
+        t.blocks(t.kernels["take"], [t.rows, t.aside, t.found, 0, t.lanes], [rig])

@@ -4,6 +4,9 @@ Their shapes are rows of the table of colliders that points have (`wsim.physics.
 the state of the bodies. In a substep bodies first take their forces, then points are predicted and meet them; at the end of
 every iteration of points a star is solved around each body (kernels/rigid/touch/star.py) in turn with the contacts that bodies
 have among themselves; then both go where they go. Equations: kernels/rigid/touch/points.py.
+
+Where a world has few bodies, a block of threads solves it in one launch (worlds.py). More of them take a block each, and
+several launches a round.
 """
 
 from dataclasses import replace
@@ -14,7 +17,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.touch import groups, rebound
+from wsim.kernels.rigid.touch import exchange, groups, rebound
 from wsim.kernels.rigid.touch import points as touch
 from wsim.kernels.rigid.touch import star as stars
 from wsim.model.stage import Clock, Methods, Stage
@@ -23,6 +26,7 @@ from wsim.physics.rigid.meetings import places_of
 from wsim.physics.rigid.solids import meeting
 from wsim.physics.rigid.touch.half import Half
 from wsim.physics.rigid.touch.substeps import Substeps
+from wsim.physics.rigid.touch.worlds import FEW, Worlds
 from wsim.scene import Collider, Motion
 
 LANES = 64                   # threads of a block that sum over the contacts of a body
@@ -35,7 +39,8 @@ class Touch(Substeps):
 
     def __init__(self, b, rigid):
         """rigid: the method, whose `contacts` are made."""
-        super().__init__(b, rigid)
+        few = len(rigid.bodies) <= FEW * b.model.worlds
+        super().__init__(b, rigid, swept=not few)
         self.state, self.real = b.state, b.model.real
         self.status, self.clock = b.status, b.clock
         if b.choice.solver == "implicit":
@@ -49,19 +54,31 @@ class Touch(Substeps):
         self.memory = b.clock.integrator.memory > 0.0
         self.rises, self.alone = bouncing or self.memory, len(self.copies[0]) == 1 and not b.scene.colliders
         self.rounds = 1 if self.alone else max(1, ceil(ROUNDS / b.clock.iterations))
-        self.lanes, module = 1, b.model.module
-        if b.model.device.is_cuda:                       # blocks of another size stand in a module of their own
-            self.lanes, module = LANES, b.model.module_of(LANES)
-        self.star, self.take = stars.star(self.real, module), touch.take(self.real, module)
-        own = (touch.place, touch.keys, touch.begin, touch.found, touch.gather, touch.hubs, touch.tell)
-        more = (rebound.rise, rebound.thrown, rebound.remember) if self.rises else ()
-        of_memory = (rebound.carry, rebound.others) if self.memory else ()
-        self.kernels = {f.__name__: f(self.real, b.model.module) for f in (*own, *more, *of_memory)}
+        self.lanes = LANES if b.model.device.is_cuda else 1
+        self.kernels: dict[str, Any] = {}
+        self.need(touch.place)
+        self.worlds = Worlds(self) if few else None
+        if not few:
+            self.need(touch.keys, touch.begin, touch.found, exchange.gather, exchange.hubs, exchange.tell, groups.bounds)
+            self.need(stars.star, exchange.take)
+        if self.rises:
+            self.need(rebound.rise, rebound.thrown, rebound.remember, exchange.hubs, stars.star, exchange.take)
+        if self.memory:
+            self.need(rebound.carry, rebound.others)
         self.before: Any = wp.zeros_like(b.state.x) if self.memory else None     # anchors before a search
         self.start: Any = None
-        self.bounds = groups.bounds(b.model.module)
         self.half: Half | None = None
         self.surfaces = False            # True: their sweeps come behind the last iteration
+
+    def need(self, *makers) -> None:
+        """Makes kernels that are launched by name."""
+        model = self.model
+        for make in makers:
+            module = model.module
+            if make in (stars.star, exchange.take) and self.lanes > 1:
+                module = model.module_of(self.lanes)     # blocks of another size stand in a module of their own
+            if make.__name__ not in self.kernels:
+                self.kernels[make.__name__] = make(module) if make is groups.bounds else make(self.real, module)
 
     def starts(self) -> Any:
         """e where substeps begin, kept from now on for who asks; None where it is e itself, which no memory changes."""
@@ -78,11 +95,13 @@ class Touch(Substeps):
         terms = others.find("terms")
         if terms is not None:
             from wsim.physics.rigid.touch.newton import Foreseen
+            self.need(exchange.hubs, exchange.tell, stars.star)
             self.foreseen = Foreseen(self, others.find("assembly"), others.find("lanes"))
             terms.append(self.foreseen)
         if (surfaces := others.find("self-contact")) is not None:
             self.surfaces = not surfaces.within
         if "ph" in self.rigid.part.arrays:
+            self.need(exchange.take)
             self.half = Half(self)
             others.find("impacts").append(self.half.before)
 
@@ -111,9 +130,10 @@ class Touch(Substeps):
             origin=array(rows.origin[row], wp.vec3d), begin=array(self.rigid.origin, wp.vec3d), of=array(of, int),
             restitution=wp.array(thrown, dtype=self.real, device=device), object=array(origins, wp.vec3d))
         self.room()
-        size, launches = self.room_for * 100, 6 + (not self.alone)
-        contact.stages[1].launches += (launches - 1) * self.rounds
-        contact.stages[0].launches += 5
+        size = self.room_for * 100
+        listing, solving = self.worlds.launches if self.worlds else (4, (6 + (not self.alone)) * self.rounds)
+        contact.stages[0].launches += 1 + listing
+        contact.stages[1].launches += solving - 1
         if self.rises:
             contact.stages.append(Stage("touch: velocities", "solve", self.first, 6, size, what="of points that push bodies"))
 
@@ -134,22 +154,28 @@ class Touch(Substeps):
         self.hubs = filled(Hubs, w=table.w, inverse=table.inverse, turn=work.turn, q=zeros(2 * n, wp.vec3d))
         self.V, self.left = zeros(2 * n, wp.vec3d), zeros(n, self.real)
         self.aside = zeros(room, t.vec3)                 # pushes of colliders that are no bodies
-        wp.utils.radix_sort_pairs(self.numbers, slot, room)              # takes its memory, which a capture cannot
+        if self.worlds:
+            self.worlds.room()
+        else:
+            wp.utils.radix_sort_pairs(self.numbers, slot, room)          # takes its memory, which a capture cannot
 
     def before_frame(self) -> None:
         if self.room_for != self.contacts.slots.points * self.contacts.slots.capacity:
             self.room()
         self.hubs.turn = self.rigid.contacts.work.turn   # another array where lists have grown
+        if self.worlds:
+            self.worlds.table.hubs = self.hubs
 
     def run(self, name: str, dim: int, inputs: list, outputs: list) -> None:
         self.model.launch(self.kernels[name], dim, inputs, outputs)
 
-    def blocks(self, kernel, inputs: list, outputs: list) -> None:
-        """A block for each body."""
-        if self.lanes > 1:
-            self.model.launch_blocks(kernel, len(self.rigid.bodies), self.lanes, inputs, outputs)
+    def blocks(self, kernel, inputs: list, outputs: list, count: int = 0, threads: int = 0) -> None:
+        """A block of threads for each body, or so many blocks."""
+        count, threads = count or len(self.rigid.bodies), threads or self.lanes
+        if threads > 1:
+            self.model.launch_blocks(kernel, count, threads, inputs, outputs)
         else:
-            wp.launch(kernel, len(self.rigid.bodies), inputs, outputs, device=self.model.device, block_dim=1)
+            wp.launch(kernel, count, inputs, outputs, device=self.model.device, block_dim=1)
 
     def points(self, clock: Clock) -> Any:
         s, of, memory = self.state, self.contact.points, clock.integrator.memory > 0.0
@@ -179,24 +205,32 @@ class Touch(Substeps):
 
     def listed(self, clock: Clock) -> None:
         """Lists contacts in the order of bodies, behind a search."""
-        own, n, rig, slots = self.rows, len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots
+        slots = self.contacts.slots
         if self.start is not None:
             self.model.copy(self.start, self.state.e)
         if self.memory:
             self.run("carry", self.model.points, [self.shapes.of, slots, self.contact.anchor, self.before, self.state.e],
                      [self.state.e, self.contacts.struck])
+        if self.worlds:
+            self.worlds.list(clock)
+        else:
+            self.sort(clock)
+        if self.foreseen:
+            self.foreseen.recall(clock)
+
+    def sort(self, clock: Clock) -> None:
+        """The list of many bodies."""
+        own, n, rig, slots = self.rows, len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots
         self.run("begin", n, [rig], [self.found])
         self.run("keys", self.room_for, [slots, self.shapes.of, n], [self.numbers, own.slot])
         wp.utils.radix_sort_pairs(self.numbers, own.slot, self.room_for)
-        self.model.launch(self.bounds, n + 1, [self.numbers, self.room_for], [own.first])
+        self.run("bounds", n + 1, [self.numbers, self.room_for], [own.first])
         self.run("found", self.room_for, [self.shapes, rig, slots, self.points(clock)], [own, self.found])
-        if self.foreseen:
-            self.foreseen.recall(clock)
 
     def solve(self, clock: Clock, given: float, k: float, g: float) -> None:
         """The stars of `rows`. given: 1 where they are of all impulses of the substep, 0 of such as come on top."""
         self.run("hubs", len(self.rigid.bodies), [self.rigid.contacts.rig(), self.found, given], [self.hubs])
-        self.blocks(self.star, [self.rows, self.hubs, k, g, self.lanes], [self.V, self.left])
+        self.blocks(self.kernels["star"], [self.rows, self.hubs, k, g, self.lanes], [self.V, self.left])
 
     def tell(self, clock: Clock) -> None:
         """Planes go with the bodies."""
@@ -209,21 +243,28 @@ class Touch(Substeps):
                 self.foreseen.lean(clock)
                 return
             self.foreseen.owe(clock)
-        n, rig, slots = len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts.slots
-        for _ in range(self.rounds):
-            self.run("gather", self.room_for, [self.contacts.table, slots, self.points(clock), self.found, n], [self.rows])
-            self.solve(clock, 1.0, clock.h, clock.g)
-            self.tell(clock)
-            self.contacts.project(clock.g, self.state.d, self.contact.anchor)
-            self.blocks(self.take, [self.rows, self.contacts.push, self.found, 0, self.lanes], [rig])
-            if not self.alone:
-                self.form.launch(self.step[1], self.steps(clock), [])
-            self.joined(clock)
-
+        if self.worlds:
+            self.worlds.solve(clock)
+        else:
+            self.solve_bodies(clock)
         if self.foreseen and clock.i == clock.iterations - 1 and not beside:
             self.foreseen.balance(clock)
             if not self.contact.trailed:
                 self.foreseen.miss()
+
+    def solve_bodies(self, clock: Clock) -> None:
+        """The rounds of a substep, launch by launch."""
+        n, rig, c = len(self.rigid.bodies), self.rigid.contacts.rig(), self.contacts
+        for _ in range(self.rounds):
+            self.run("gather", self.room_for, [c.table, c.slots, self.points(clock), self.found, n], [self.rows])
+            self.solve(clock, 1.0, clock.h, clock.g)
+            self.tell(clock)
+            c.project(clock.g, self.state.d, self.contact.anchor)
+            self.blocks(self.kernels["take"], [self.rows, c.push, self.found, 0, self.lanes], [rig])
+            if not self.alone:
+                self.sweep(clock)
+            else:
+                self.joined(clock)
 
     def indicators(self) -> dict[str, float]:
         """touches: contacts of points with bodies, open ones too, in the last substep; touch_residual: what was left there
@@ -253,7 +294,7 @@ class Touch(Substeps):
         self.run("rise", self.room_for, [self.shapes, slots, at, self.found, memory, n], [self.rows])
         self.solve(clock, 0.0, 1.0, 0.0)
         self.run("thrown", self.room_for, [self.rows, self.V, self.shapes.of, slots], [self.found])
-        self.blocks(self.take, [self.rows, self.contacts.push, self.found, 1, self.lanes], [rig])
+        self.blocks(self.kernels["take"], [self.rows, self.contacts.push, self.found, 1, self.lanes], [rig])
         self.run("remember", self.model.points, [self.shapes.of, slots, at, self.found, memory],
                  [self.contact.anchor, s.v, s.e])
 

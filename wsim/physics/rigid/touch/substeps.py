@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.rigid.touch.step import touch_step
+from wsim.kernels.rigid.touch.step import touch_step, touch_sweep
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.physics.rigid.solids import asked
 
@@ -15,10 +15,12 @@ class Substeps:
 
     foreseen: Any = None                                 # `wsim.physics.rigid.touch.newton.Foreseen`
 
-    def __init__(self, b, rigid):
+    def __init__(self, b, rigid, swept: bool = True):
+        """swept: False if `sweep` is never called."""
         self.model, self.rigid = b.model, rigid
         self.form = rigid.contacts.form
         self.step = self.form.parts(touch_step, rigid.contacts.bouncing, linked=rigid.joints is not None)
+        self.swept = self.form.parts(touch_sweep, False) if swept else None
         self.joints = rigid.joints.passes() if rigid.joints else None
         size, what = rigid.part.bytes, f"{len(rigid.bodies)} bodies: forces"
         if asked(b.scene):
@@ -43,8 +45,8 @@ class Substeps:
         """Forces on bodies; manifolds."""
         own, k = self.rigid.contacts, clock.k
         own.renew(clock, k)
-        if len(self.step) > 3:                           # joints take part in blows
-            self.form.launch(self.step[3], self.steps(clock), [])
+        if len(self.step) > 2:                           # joints take part in blows
+            self.form.launch(self.step[2], self.steps(clock), [])
             self.joined(clock, lined=k)
             joints = self.rigid.joints.with_contacts(own.work)
             self.form.launch(self.form.kernels["thrown"], [self.form.threads, k, clock.h, own.rig(), joints], [])
@@ -60,14 +62,14 @@ class Substeps:
 
     def sweep(self, clock: Clock) -> None:
         """Sweeps over the contacts of bodies among themselves and with colliders, and over joints."""
-        self.form.launch(self.step[1], self.steps(clock), [])
+        self.form.launch(self.swept, self.steps(clock), [])
         self.joined(clock)
 
     def end(self, clock: Clock) -> None:
         """Bodies go where they go."""
         own = self.rigid.contacts
         self.joined(clock)
-        self.form.launch(self.step[2], self.steps(clock), [])
+        self.form.launch(self.step[1], self.steps(clock), [])
         self.joined(clock, lined=clock.k + 1, loosed=(clock.k, clock.h))
         if clock.k + 1 == clock.substeps:
             own.keep()

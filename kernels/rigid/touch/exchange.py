@@ -1,0 +1,168 @@
+"""What bodies and points give each other in a round of a star (kernels/rigid/touch/star.py): functions of a contact m or of a
+body, and kernels of them. kernels/rigid/touch/points.py has the order, kernels/rigid/touch/rounds.py all of it in one launch.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.contact import project
+from wsim.kernels.math.real import types
+from wsim.kernels.math.team import team_sum
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.motion import double3
+from wsim.kernels.rigid.touch.points import structs
+from wsim.kernels.rigid.touch.star import structs as stars
+
+SLID = 0.999           # of the bound of friction at which a contact counts as one that slides: it then has the dynamic bound
+SIX, sum_six = wp.types.vector(6, wp.float64), team_sum(6)
+
+
+@wp.func
+def rotate_moments(R: wp.mat33d, inverse: wp.vec3d, omega: wp.vec3d):
+    """I omega of the principal axes R."""
+    return R * wp.cw_div(wp.transpose(R) * omega, inverse)
+
+
+@wp.func
+def sum_team(J: wp.vec3d, T: wp.vec3d, warps: int, team: int):
+    """Both, summed over the threads of a team."""
+    both = sum_six(SIX(J[0], J[1], J[2], T[0], T[1], T[2]), warps, team)
+    return wp.vec3d(both[0], both[1], both[2]), wp.vec3d(both[3], both[4], both[5])
+
+
+@cache
+def of_contacts(real):
+    """(gather, tell): functions of contact m. gather: its row of a star; tell: its plane and the speed of its surface, where
+    the body goes by V, (v, o)."""
+    t, (_, Found, Points), Rows, Slots = types(real), structs(real), stars(real)[0], project.slots(real)
+    Table = project.tables(real)[0]
+
+    @wp.func
+    def gather(c: Table, s: Slots, p: Points, found: Found, m: int, rows_out: Rows):
+        j = rows_out.slot[m]
+        i = j % s.points
+        n = rows_out.n[m]
+        P = p.push[j]
+        d0 = p.d[i] - P
+        lam = wp.dot(P, n)
+        mu = real(0.5) * (p.friction[i] + c.friction[s.row[j]])
+        bound = mu[0]
+        if lam > real(0.0) and wp.length(P - lam * n) >= real(SLID) * mu[1] * lam:
+            bound = mu[1]
+        rows_out.base[m] = -(found.b[m] + wp.dot(n, d0))
+        rows_out.least[m] = real(0.0)
+        rows_out.slip[m] = (d0 - p.a[i]) - p.g * found.u[m]
+        rows_out.mu[m] = bound
+        rows_out.f[m] = real(1.0) / (p.w[i] * p.c)
+
+    @wp.func
+    def tell(rows: Rows, found: Found, m: int, v: wp.vec3d, o: wp.vec3d, h: real, s_out: Slots):
+        j = rows.slot[m]
+        U = v + wp.cross(o, double3(rows.r[m]))
+        n = rows.n[m]
+        s_out.u[j] = t.vec3(real(wp.float64(found.u[m][0]) + U[0]), real(wp.float64(found.u[m][1]) + U[1]),
+                            real(wp.float64(found.u[m][2]) + U[2]))
+        s_out.b[j] = real(wp.float64(found.b[m]) - wp.float64(h) * wp.dot(double3(n), U))
+
+    return gather, tell
+
+
+@cache
+def of_bodies(real):
+    """(hub, take): functions of body i. hub: momentum without what points have given, less that which V = 0 is counted from;
+    given: 1, or 0 for impulses that come on top. take: its momenta, less what points have got beyond `total`; at: see
+    `star.solving`; still: 1 for impulses that change no place."""
+    t, Found, Rows, Rig, Hubs = types(real), structs(real)[1], stars(real)[0], whole(real), stars(real)[1]
+
+    @wp.func
+    def hub(rig: Rig, found: Found, given: wp.float64, i: int, out: Hubs):
+        n = rig.b.w.shape[0]
+        R = wp.mat33d(rig.work.turn[i])
+        at = rotate_moments(R, double3(rig.b.inverse[i]), found.ahead[n + i])
+        out.q[i] = double3(rig.now.p[i]) + given * found.total[i] - found.ahead[i] / wp.float64(rig.b.w[i])
+        out.q[n + i] = double3(rig.now.L[i]) + given * found.total[n + i] - at
+
+    @wp.func
+    def take(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, i: int, at: wp.vec4i, rig: Rig):
+        bodies = rig.b.w.shape[0]
+        J = wp.vec3d()
+        T = wp.vec3d()
+        m = rows.first[i] + at[0]
+        while m < rows.first[i + 1]:
+            P = wp.float64(rows.f[m]) * double3(push[rows.slot[m]])
+            if still != 0:
+                P = wp.float64(found.q[rows.slot[m]]) * double3(rows.n[m])
+            J += P
+            T += wp.cross(double3(rows.r[m]), P)
+            m += at[1]
+        J, T = sum_team(J, T, at[2], at[3])
+        if at[0] == 0 and rows.first[i + 1] > rows.first[i]:
+            p = double3(rig.now.p[i]) - J
+            L = double3(rig.now.L[i]) - T
+            if still != 0:
+                found.still[i] = J
+                found.still[bodies + i] = T
+            else:
+                p += found.total[i]
+                L += found.total[bodies + i]
+                found.total[i] = J
+                found.total[bodies + i] = T
+                if wp.dot(J, J) > wp.float64(0.0):
+                    rig.work.touched[i] = 1
+            rig.now.p[i] = t.vec3(real(p[0]), real(p[1]), real(p[2]))
+            rig.now.L[i] = t.vec3(real(L[0]), real(L[1]), real(L[2]))
+
+    return hub, take
+
+
+@cache
+def gather(real, module):
+    """Kernel over the room for contacts: their rows of a star."""
+    (_, Found, Points), Rows, Slots, own = structs(real), stars(real)[0], project.slots(real), of_contacts(real)[0]
+    Table = project.tables(real)[0]
+
+    def touch_gather(c: Table, s: Slots, p: Points, found: Found, bodies: int, rows_out: Rows):
+        m = wp.tid()
+        if m < rows_out.first[bodies]:
+            own(c, s, p, found, m, rows_out)
+
+    return wp.kernel(touch_gather, name=f"touch_gather_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def hubs(real, module):
+    """Kernel over bodies, see `of_bodies`."""
+    Found, Rig, Hubs, own = structs(real)[1], whole(real), stars(real)[1], of_bodies(real)[0]
+
+    def touch_hubs(rig: Rig, found: Found, given: wp.float64, out: Hubs):
+        own(rig, found, given, wp.tid(), out)
+
+    return wp.kernel(touch_hubs, name=f"touch_hubs_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def tell(real, module):
+    """Kernel over the room for contacts: planes and speeds of surfaces, as bodies go by V."""
+    Found, Rows, Slots, own = structs(real)[1], stars(real)[0], project.slots(real), of_contacts(real)[1]
+
+    def touch_tell(rows: Rows, found: Found, V: wp.array(dtype=wp.vec3d), of: wp.array(dtype=int), h: real, s_out: Slots):
+        m = wp.tid()
+        bodies = V.shape[0] // 2
+        if m < rows.first[bodies]:
+            body = of[s_out.row[rows.slot[m]]]
+            own(rows, found, m, V[body], V[bodies + body], h, s_out)
+
+    return wp.kernel(touch_tell, name=f"touch_tell_{types(real).name}", module=module, enable_backward=False)
+
+
+@cache
+def take(real, module):
+    """Kernel over bodies times lanes, see `of_bodies`."""
+    t, Found, Rows, Rig, own = types(real), structs(real)[1], stars(real)[0], whole(real), of_bodies(real)[1]
+
+    def touch_take(rows: Rows, push: wp.array(dtype=t.vec3), found: Found, still: int, lanes: int, rig: Rig):
+        tid = wp.tid()
+        own(rows, push, found, still, tid // lanes, wp.vec4i(tid % lanes, lanes, (lanes + 31) // 32, 0), rig)
+
+    return wp.kernel(touch_take, name=f"touch_take_{t.name}", module=module, enable_backward=False)

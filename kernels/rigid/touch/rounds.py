@@ -1,0 +1,294 @@
+"""Bodies and the points that touch them, a block of threads a world: the list of their contacts, and all rounds of stars,
+points and sweeps of a substep in one launch. kernels/rigid/touch/points.py has the equations.
+
+    round   gather, star, tell       of each body, by a team of warps: kernels/rigid/touch/star.py, exchange.py
+            project                  contacts of each point, in order: kernels/contact/project.py
+            take                     momenta of each body
+            sweep                    bodies against each other and against colliders, colour by colour
+
+A star foresees where its body goes if nothing else pushes it. Once all bodies of a world have the momenta that their stars have
+foreseen, to NEAR, and points with several contacts stay where they are, another round would change nothing: the world ends. The
+first star begins at V = 0, the next ones at the V before.
+"""
+
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
+# ruff: noqa: SIM102, UP018
+
+from collections.abc import Sequence
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.contact import project
+from wsim.kernels.math import block
+from wsim.kernels.math.real import types
+from wsim.kernels.math.team import any_of, counted, meet_team, teams
+from wsim.kernels.rigid.contact import whole
+from wsim.kernels.rigid.kinds import SERIAL, Kind
+from wsim.kernels.rigid.motion import double3
+from wsim.kernels.rigid.touch.exchange import of_bodies, of_contacts, rotate_moments
+from wsim.kernels.rigid.touch.points import beginning, structs
+from wsim.kernels.rigid.touch.star import solving
+from wsim.kernels.rigid.touch.star import structs as stars
+
+NEAR = {wp.float32: 1e-6, wp.float64: 1e-10}     # part of a momentum that counts as nothing: beyond rounding
+
+
+@cache
+def worlds(real):
+    """Struct of what worlds have besides: their bodies, contacts, and points that touch something."""
+    Rows, Hubs = stars(real)
+    Shapes, Found, _ = structs(real)
+
+    @wp.struct
+    class Worlds:
+        rows: Rows
+        hubs: Hubs
+        found: Found
+        shapes: Shapes
+        first: wp.array(dtype=int)                # body of each world, (worlds + 1,)
+        points: int                               # of a world
+        many: wp.array(dtype=int)                 # points of each world that touch something
+        point: wp.array(dtype=int)                # these, from w * points on
+        count: wp.array(dtype=int)                # contacts of each body
+        going: wp.array(dtype=int)                # of worlds: 1 points moved in the last round, 0 none did, -1 it ended
+        V: wp.array(dtype=wp.vec3d)               # velocity, then spin, less those that contacts were found with, (2 bodies,)
+        aim: wp.array(dtype=wp.vec3d)             # momenta that the stars have foreseen, (2 bodies,)
+        left: wp.array(dtype=real)                # see `star.solving`
+
+    return Worlds
+
+
+@cache
+def list_touches(real, threads: int, module):
+    """Kernel over threads of worlds, behind a search: points that touch something, contacts in the order of bodies, points and
+    slots, arms and planes. phase: 0 where there is one world; else 1, which counts, and 2, which lists."""
+    Worlds, Rig, Slots, Points = worlds(real), whole(real), project.slots(real), structs(real)[2]
+    ahead, found = beginning(real)
+    together = block.alone if threads == 1 else block.meet
+
+    @wp.func
+    def share(many: int, lane: int):
+        """(first, last) of so many that a thread has."""
+        each = (many + wp.static(threads - 1)) / wp.static(threads)
+        return wp.min(lane * each, many), wp.min((lane + 1) * each, many)
+
+    @wp.func
+    def touching(W: Worlds, s: Slots, w: int, lane: int):
+        begin, end = share(W.points, lane)
+        own = int(0)
+        for i in range(w * W.points + begin, w * W.points + end):
+            if s.count[i] > 0:
+                own += 1
+        all = counted(own)
+        at = w * W.points + all[0]
+        for i in range(w * W.points + begin, w * W.points + end):
+            if s.count[i] > 0:
+                W.point[at] = i
+                at += 1
+        if lane == 0:
+            W.many[w] = all[1]
+
+    @wp.func
+    def listed(W: Worlds, s: Slots, body: int, w: int, lane: int, into: int):
+        """How many contacts of a body the points of a thread have; their slots from `into` on, if that is not below 0."""
+        begin, end = share(W.many[w], lane)
+        own = int(0)
+        for k in range(w * W.points + begin, w * W.points + end):
+            i = W.point[k]
+            for slot in range(s.count[i]):
+                j = slot * s.points + i
+                if W.shapes.of[s.row[j]] == body:
+                    if into >= 0:
+                        W.rows.slot[into + own] = j
+                    own += 1
+        return own
+
+    def list_touches(W: Worlds, rig: Rig, s: Slots, p: Points, phase: int):
+        w = wp.tid() / wp.static(threads)
+        lane = wp.tid() - w * wp.static(threads)
+        first = W.first[w]
+        last = W.first[w + 1]
+        if phase < 2:
+            touching(W, s, w, lane)
+            together()
+        if phase == 1:
+            for body in range(first, last):
+                all = counted(listed(W, s, body, w, lane, -1))
+                if lane == 0:
+                    W.count[body] = all[1]
+            return
+        before = int(0)
+        if phase == 2:
+            for body in range(lane, first, wp.static(threads)):
+                before += W.count[body]
+            all = counted(before)
+            before = all[1]
+        start = before
+        for body in range(first, last):
+            own = listed(W, s, body, w, lane, -1)
+            all = counted(own)
+            if own > 0:
+                listed(W, s, body, w, lane, before + all[0])
+            if lane == 0:
+                W.rows.first[body] = before
+                W.rows.first[body + 1] = before + all[1]
+            before += all[1]
+        for body in range(first + lane, last, wp.static(threads)):
+            ahead(rig, body, W.found)
+        together()
+        for m in range(start + lane, before, wp.static(threads)):
+            found(W.shapes, rig, s, p, m, W.rows, W.found)
+
+    return wp.kernel(list_touches, name=f"list_touches_{types(real).name}", module=module, enable_backward=False,
+                     grid_stride=False, launch_bounds=threads)
+
+
+@cache
+def reaching(real):
+    """(foresee, reached): functions of body i: the star, by a team; whether the body has the momenta that the star has
+    foreseen. first: 1 in the first round."""
+    Worlds, Rig, Slots, Points = worlds(real), whole(real), project.slots(real), structs(real)[2]
+    Table = project.tables(real)[0]
+    (gather, tell), (hub, _), solve = of_contacts(real), of_bodies(real), solving(real)
+    near = NEAR[real] ** 2
+
+    @wp.func
+    def foresee(c: Table, s: Slots, p: Points, W: Worlds, rig: Rig, i: int, at: wp.vec4i, first: int):
+        n = rig.b.w.shape[0]
+        if at[0] == 0:
+            hub(rig, W.found, wp.float64(1.0), i, W.hubs)
+        for m in range(W.rows.first[i] + at[0], W.rows.first[i + 1], at[1]):
+            gather(c, s, p, W.found, m, W.rows)
+        v = wp.vec3d()
+        o = wp.vec3d()
+        if first == 0:
+            v = W.V[i]
+            o = W.V[n + i]
+        meet_team(at[2], at[3])
+        left = real(0.0)
+        v, o, left = solve(W.rows, W.hubs, i, at, wp.float64(p.h), wp.float64(p.g), v, o)
+        for m in range(W.rows.first[i] + at[0], W.rows.first[i + 1], at[1]):
+            tell(W.rows, W.found, m, v, o, p.h, s)
+        if at[0] == 0:
+            W.V[i] = v
+            W.V[n + i] = o
+            W.left[i] = left
+            W.aim[i] = double3(rig.now.p[i])
+            W.aim[n + i] = double3(rig.now.L[i])
+            if W.rows.first[i + 1] > W.rows.first[i]:
+                W.aim[i] = (W.found.ahead[i] + v) / wp.float64(rig.b.w[i])
+                W.aim[n + i] = rotate_moments(wp.mat33d(rig.work.turn[i]), double3(rig.b.inverse[i]), W.found.ahead[n + i] + o)
+
+    @wp.func
+    def energy(rig: Rig, i: int, p: wp.vec3d, L: wp.vec3d):
+        return wp.float64(rig.b.w[i]) * wp.dot(p, p) + wp.dot(L, wp.mat33d(rig.work.spread[i]) * L)
+
+    @wp.func
+    def reached(W: Worlds, rig: Rig, i: int, h: real):
+        n = rig.b.w.shape[0]
+        p = W.aim[i]
+        L = W.aim[n + i]
+        off = energy(rig, i, double3(rig.now.p[i]) - p, double3(rig.now.L[i]) - L)
+        weight = wp.float64(rig.work.g * h)
+        all = energy(rig, i, p, L) + energy(rig, i, W.found.total[i], W.found.total[n + i])
+        return off <= wp.float64(near) * (all + weight * weight / wp.float64(rig.b.w[i]))
+
+    return foresee, reached
+
+
+@cache
+def sweeping(kinds: Sequence[Kind], real, together, threads: int):
+    """Function: a sweep over the constraints of a world, colour by colour."""
+    Rig = whole(real)
+
+    def over(kind: Kind):
+        colours, start, item, solve = kind.colours, kind.start, kind.item, kind.solve
+
+        @wp.func
+        def sweep(w: int, lane: int, k: int, h: real, rig: Rig):
+            for colour in range(colours(rig)):
+                last = start(colour + 1, rig)
+                slot = start(colour, rig) + lane
+                stride = wp.static(threads)
+                if colour >= SERIAL:
+                    stride = 1
+                    if lane > 0:
+                        slot = last
+                while slot < last:
+                    j = item(slot, rig)
+                    if rig.c.count[j] > 0:
+                        if wp.max(rig.s.world[rig.c.a[j]], rig.s.world[rig.c.b[j]]) == w:
+                            solve(j, k, h, 1, rig)
+                    slot += stride
+                together()
+
+        return sweep
+
+    return over(kinds[-1])
+
+
+@cache
+def rounds(kinds: Sequence[Kind], real, threads: int, module):
+    """Kernel over threads of worlds: so many rounds. steps: substep, sweeps in a round, rounds, and 1 where the first of them
+    is the first of an iteration. kinds: of constraints between bodies, contacts alone."""
+    t, Worlds, Rig, Slots, Points = types(real), worlds(real), whole(real), project.slots(real), structs(real)[2]
+    Table, Reach = project.tables(real)
+    together = block.alone if threads == 1 else block.meet
+    (foresee, reached), take, projected = reaching(real), of_bodies(real)[1], project.projecting(real)
+    sweep, near = sweeping(kinds, real, together, threads), NEAR[real] ** 2
+
+    @wp.func
+    def place_points(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, w: int, lane: int):
+        """Contacts of the points of a world, once; 1 where a point of several has moved."""
+        moved = int(0)
+        for k in range(w * W.points + lane, w * W.points + W.many[w], wp.static(threads)):
+            i = W.point[k]
+            d0 = p.d[i]
+            d1 = projected(c, reach, s, i, p.g, wp.matrix_from_rows(d0, p.a[i]), p.push, p.push)
+            p.d[i] = d1
+            if s.count[i] > 1:
+                way = d1 - d0
+                size = wp.length_sq(d1 - p.a[i])
+                for slot in range(s.count[i]):
+                    size += wp.length_sq(p.push[slot * s.points + i])
+                if wp.length_sq(way) > real(near) * size:
+                    moved = int(1)
+        return moved
+
+    def touch_rounds(c: Table, reach: Reach, s: Slots, p: Points, W: Worlds, steps: wp.vec4i, rig: Rig):
+        w = wp.tid() / wp.static(threads)
+        lane = wp.tid() - w * wp.static(threads)
+        first = W.first[w]
+        last = W.first[w + 1]
+        each, count = teams(wp.static(threads), last - first)
+        team = lane / (32 * each)
+        at = wp.vec4i(lane - team * 32 * each, wp.min(wp.static(threads), 32 * each), each, team)
+        going = W.going[w]
+        if steps[3] == 1:
+            going = int(1)
+        fresh = steps[3]
+        for _round in range(steps[2]):
+            if going == 0:
+                off = int(0)
+                for i in range(first + lane, last, wp.static(threads)):
+                    if not reached(W, rig, i, p.h):
+                        off = int(1)
+                if any_of(off) == 0:
+                    going = int(-1)
+            if going >= 0:
+                for i in range(first + team, last, count):
+                    foresee(c, s, p, W, rig, i, at, fresh)
+                fresh = int(0)
+                together()
+                going = any_of(place_points(c, reach, s, p, W, w, lane))
+                for i in range(first + team, last, count):
+                    take(W.rows, p.push, W.found, 0, i, at, rig)
+                together()
+                for _sweep in range(steps[1]):
+                    sweep(w, lane, steps[0], p.h, rig)
+        if lane == 0:
+            W.going[w] = going
+
+    return wp.kernel(touch_rounds, name=f"touch_rounds_{t.name}", module=module, enable_backward=False, grid_stride=False,
+                     launch_bounds=threads)
