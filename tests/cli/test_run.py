@@ -132,3 +132,15 @@ def test_a_run_that_will_take_long_says_so_before_it_starts_and_its_report_count
     spent = json.loads(said.out)["seconds"]
     parts = ("import", "load", "build", "simulate", "write", "report")
     assert 0.0 < spent["report"] < spent["total"] and sum(spent[name] for name in parts) <= spent["total"]
+
+
+def test_examples_are_listed_and_run_in_the_current_folder(tmp_path, monkeypatch, capsys):
+    """Every shipped scene has a line that says what it shows; a wrong name is told the nearest one."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["examples"]) == 0
+    lines = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines() if ".md" not in line and line]
+    assert len(lines) >= 37 and all(len(line) == 2 and len(line[1]) > 20 for line in lines)
+    assert cli.main(["examples", "hanging_clot"]) == 1
+    assert "did you mean hanging_cloth?" in capsys.readouterr().err
+    assert cli.main(["examples", "hanging_cloth", "--frames", "1", "--device", "cpu"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"hanging_cloth.usdc", "hanging_cloth.png"}

@@ -35,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, new_options.add, _check, _plan, _bench, _fit, _sweep, _view, _picture, _copy, _schema):
+    for add in (_run, new_options.add, _check, _plan, _bench, _fit, _sweep, _view, _picture, _copy, _examples, _schema):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -162,6 +162,13 @@ def _copy(commands) -> None:
     copy.add_argument("target", type=named, help="file to write: .usdc, .usda or .usd")
 
 
+def _examples(commands) -> None:
+    examples = commands.add_parser("examples", help="list the scenes that come with wsim, or run one in this folder")
+    examples.add_argument("name", nargs="?", metavar="NAME", help="writes NAME.usdc and the picture NAME.png")
+    examples.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
+    examples.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
+
+
 def _schema(commands) -> None:
     commands.add_parser("schema", help="the setting by which other USD programs know the schemas of wsim")
 
@@ -227,6 +234,9 @@ def _main(argv: list[str] | None) -> int:
     from wsim.cli import commands, sweep
 
     try:
+        if args.command == "examples" and args.name:
+            from wsim.cli.examples import run_command
+            args = parser().parse_args(run_command(args))
         code = getattr(*sweep_options.home(args, commands, sweep))(args)
         if code != INTERRUPTED:
             interrupt.check()
