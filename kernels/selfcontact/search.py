@@ -94,11 +94,10 @@ def listing(real):
 
 @cache
 def meet(real, module, levels=False):
-    """Kernel: candidates, points and triangles or edges and edges whose boxes meet and that share no point. order: points (kind
-    0) or edges that look, so that those near each other are near, -1: none; into: the tree that they look into, for kind AMONG
-    that of the same edges, of which those behind them are looked at; widest: what pairs keep at most [m]. levels: walks go
-    level by level, as is faster on a CPU; they find the same in the same order. Else as many threads share a walk as `shares`
-    says, a power of two: each has the nodes below one of so many."""
+    """Kernel: candidates, points and triangles or edges and edges whose boxes meet and that share no point. looks: who looks
+    where, of which the edges of kind AMONG see those behind them; widest: what pairs keep at most [m]. levels: walks go level
+    by level, as is faster on a CPU; they find the same in the same order. Else threads share a walk: each has the nodes below
+    one of so many."""
     Surfaces, Frames = pairs.surfaces(real), frames(real)
     _, about = tree.boxes(real)
 
@@ -118,11 +117,13 @@ def meet(real, module, levels=False):
                 out.pair[slot] = wp.vec2i(i, k)
 
     @wp.kernel(module=module, enable_backward=False)
-    def boxes_meet(s: Surfaces, f: Frames, kind: int, order: wp.array(dtype=int), into: tree.Tree, widest: float, shares: int,
+    def boxes_meet(s: Surfaces, f: Frames, looks: wp.array(dtype=tree.Look), widest: float,
                    out_at: wp.array(dtype=pairs.Candidates)):
         out = out_at[0]
-        j = wp.tid() % order.shape[0]
-        i = order[j]
+        look = looks[tree.looking(looks, wp.tid())]
+        kind, shares, into, count = look.kind, look.shares, look.into, look.order.shape[0]
+        j = (wp.tid() - look.first) % count
+        i = look.order[j]
         if i < 0:
             return
         a = i
@@ -138,7 +139,7 @@ def meet(real, module, levels=False):
             for m in range(tree.met(ours, into.box, root, into.leaves, behind, room, into.front)):
                 tell(s, kind, i, a, b, into.item[root / 2 + into.front[m] - into.leaves], out)
             return
-        node = shares + wp.tid() / order.shape[0]         # the top of what this thread sees
+        node = shares + (wp.tid() - look.first) / count         # the top of what this thread sees
         trail = int(0)
         leaf = into.leaves + j % into.leaves
         over = leaf / (into.leaves / shares)              # the node beside it that the leaf itself is below

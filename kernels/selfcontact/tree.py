@@ -16,10 +16,12 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.block import meet
 from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.tubes import frames
 
 ROUNDED = 2.0 ** -22                     # of coordinates, that boxes are larger by: results of a few operations in float32
+BLOCK = 512                              # threads of a block that joins boxes
 BITS = 10                                # of places along an axis
 Box = wp.types.matrix((4, 3), wp.float32)        # low and high corner where tubes begin, the same where they end [m]
 
@@ -30,6 +32,26 @@ class Tree:
     item: wp.array(dtype=int)            # the triangle or edge of a leaf, -1: none, (worlds * leaves,)
     box: wp.array(dtype=Box)             # (worlds * 2 * leaves,)
     front: wp.array(dtype=int)           # of walks on a CPU: nodes of two levels, (2 * leaves,)
+
+
+@wp.struct
+class Look:
+    """A tree, and what looks into it: several share a launch, the threads of each from `first` on."""
+    first: int
+    kind: int                            # 0: points that look, or a tree of triangles; 1: edges; 2: those of the tree itself
+    shares: int                          # threads that share a walk, a power of two
+    order: wp.array(dtype=int)           # what looks, -1: none; what the tree is of, where it is fitted
+    into: Tree
+
+
+@wp.func
+def looking(looks: wp.array(dtype=Look), j: int):
+    """Number of the one that thread j is of."""
+    n = int(0)
+    for m in range(1, looks.shape[0]):
+        if j >= looks[m].first:
+            n = m
+    return n
 
 
 @wp.func_native("""
@@ -185,23 +207,34 @@ def boxes(real):
 
 @cache
 def lay(real, module):
-    """Kernel: boxes of leaves, of triangles (kind 0) or edges."""
+    """Kernel over the leaves of all trees: their boxes."""
     Surfaces, Frames = pairs.surfaces(real), frames(real)
     _, about = boxes(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lay_leaves(s: Surfaces, f: Frames, kind: int, to: Tree):
-        j = wp.tid()
-        i = to.item[j]
+    def lay_leaves(s: Surfaces, f: Frames, trees: wp.array(dtype=Look)):
+        to = trees[looking(trees, wp.tid())]
+        j = wp.tid() - to.first
+        i = to.order[j]
         if i >= 0:
             ids = wp.vec3i(0, 0, 0)
-            if kind == 0:
+            if to.kind == 0:
                 ids = s.triangle[i]
-            if kind == 1:
+            if to.kind == 1:
                 ids = wp.vec3i(s.edge[i][0], s.edge[i][1], s.edge[i][1])
-            to.box[j + (1 + j / to.leaves) * to.leaves] = about(f, ids[0], ids[1], ids[2])
+            to.into.box[j + (1 + j / to.into.leaves) * to.into.leaves] = about(f, ids[0], ids[1], ids[2])
 
     return lay_leaves
+
+
+@wp.func
+def join_below(to: Tree, root: int, node: int, levels: int):
+    """Boxes of a node and of `levels` - 1 levels below it, of those below these."""
+    width = (1 << levels) / 2
+    while width > 0:
+        for k in range(node * width, (node + 1) * width):
+            to.box[root + k] = joined(box(to.box, root + 2 * k), box(to.box, root + 2 * k + 1))
+        width = width / 2
 
 
 @cache
@@ -211,15 +244,28 @@ def join(module):
     @wp.kernel(module=module, enable_backward=False)
     def join_boxes(first: int, levels: int, to: Tree):
         j = wp.tid()
-        root = (j / first) * 2 * to.leaves
-        width = (1 << levels) / 2
-        while width > 0:
-            begin = (first + j % first) * width
-            for node in range(begin, begin + width):
-                to.box[root + node] = joined(box(to.box, root + 2 * node), box(to.box, root + 2 * node + 1))
-            width = width / 2
+        join_below(to, (j / first) * 2 * to.leaves, first + j % first, levels)
 
     return join_boxes
+
+
+@cache
+def join_all(module):
+    """Kernel: boxes of all nodes above leaves. A block takes one tree of a world, `levels` at a time (CUDA)."""
+    @wp.kernel(module=module, enable_backward=False, grid_stride=False, launch_bounds=BLOCK)
+    def join_trees(levels: int, trees: wp.array(dtype=Look)):
+        number, lane = wp.tid() // wp.block_dim(), wp.tid() % wp.block_dim()
+        to = trees[number % trees.shape[0]].into
+        root = (number / trees.shape[0]) * 2 * to.leaves
+        first = int(to.leaves)
+        while first > 1:
+            some = wp.where(first < 1 << levels, 1, levels)
+            first = first >> some
+            for node in range(first + lane, 2 * first, wp.block_dim()):
+                join_below(to, root, node, some)
+            meet()
+
+    return join_trees
 
 
 @cache

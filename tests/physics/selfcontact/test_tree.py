@@ -6,6 +6,8 @@ import warp as wp
 
 from tests.physics.selfcontact.rig import crumple, run
 from wsim.kernels.selfcontact import search
+from wsim.kernels.selfcontact.tree import join_all
+from wsim.physics.selfcontact.tree import LEVELS
 
 STEPS = 64             # places in time where boxes are looked at
 
@@ -62,9 +64,8 @@ def test_threads_that_share_a_walk_find_what_one_finds():
     first = [sorted(each) for each in candidates(near)]
     for shares in (1, 4, 32):
         found_at.struct.count.zero_()
-        for kind, order, k in near._searches():
-            given = [s.data, near.frames, kind, order, near.trees[k].tree, s.thickness, shares]
-            wp.launch(walk, shares * len(order), given, [found_at.at], device="cpu")
+        seekers, looks = near.forest._looks([(kind, order, k, shares) for kind, order, k in near._searches()])
+        wp.launch(walk, seekers, [s.data, near.frames, looks, s.thickness], [found_at.at], device="cpu")
         assert [sorted(each) for each in candidates(near)] == first
 
 
@@ -81,3 +82,17 @@ def test_trees_are_sorted_by_where_triangles_are():
         middle = near.frames.start.numpy()[table].mean(axis=1)
         step = np.linalg.norm(np.diff(middle[item[:len(table)]], axis=0), axis=1)
         assert np.median(step) < 1.5 * near.surfaces.edge
+
+
+def test_a_block_joins_the_boxes_that_launches_by_levels_join():
+    """As blocks of one thread, of two worlds."""
+    sim = run(crumple(0, 10), worlds=2)
+    trees = sim.plan.method("selfcontact").near.forest
+    for tree in trees.each:
+        tree.tree.box.assign(np.where(np.arange(4 * tree.leaves)[:, None, None] % (2 * tree.leaves) < tree.leaves, 0.0,
+                                      tree.tree.box.numpy()))
+    wp.launch(join_all("test_tree"), 2 * len(trees.each), [LEVELS, trees.fitted], [], device="cpu")
+    found = [tree.tree.box.numpy() for tree in trees.each]
+    for tree in trees.each:
+        tree.fit()
+    assert all(a[1].any() and np.array_equal(a, tree.tree.box.numpy()) for a, tree in zip(found, trees.each, strict=True))

@@ -17,7 +17,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import pairs, search, tubes
 from wsim.model.structs import Placed, filled, values
 from wsim.physics.selfcontact.modules import core
-from wsim.physics.selfcontact.tree import Order, Tree
+from wsim.physics.selfcontact.tree import Order, Tree, Trees
 
 if TYPE_CHECKING:
     from wsim.model.model import Model
@@ -29,7 +29,6 @@ MORE = 4               # times the pairs that were wanted that there is room for
 AROUND = 12            # candidates a point that there is room for besides: those of a flat cloth
 EPOCHS = 1 << 16       # substeps that a frame has fewer of
 LEAST, THREADS = 1 << 14, 1 << 18      # threads that go through pairs and candidates on a GPU
-WALKS, SHARES = 1 << 16, 32            # threads of a search on a GPU, and those that share a walk, at most
 SORTED = 8             # frames after which trees are sorted anew: boxes of what has folded overlap
 
 
@@ -44,8 +43,7 @@ class Near:
         real, module, device, t = model.real, core(model), model.device, types(model.real)
         self.tally, self.fold, self.fit = tubes.tally(real, module), tubes.fold(real, module), tubes.fit(real, module)
         self.axes, self.watch, self.thin = tubes.axes(real, module), tubes.watch(real, module), tubes.thin(real, module)
-        self.meet, self.sift = search.meet(real, module, not device.is_cuda), search.sift(real, module)
-        self.listed = search.listed(real, module)
+        self.sift, self.listed = search.sift(real, module), search.listed(real, module)
         zeros, n = partial(wp.zeros, device=device), surfaces.total
         self.words = zeros(pairs.WORDS, dtype=int)
         self.sums = filled(pairs.sums(real), move=zeros(3 * n, dtype=wp.int64), share=zeros(n, dtype=int),
@@ -66,6 +64,7 @@ class Near:
         if surfaces.own["edges"] < surfaces.free["edges"]:
             self.alone = model.upload(np.arange(surfaces.own["edges"]), int)
         self.trees = [Tree(model, surfaces, kind, span) for kind, span in self._spans()]
+        self.forest = Trees(model, self.trees, self._searches())
         self.age = self.rounds = self.capacity = 0
         self.solves = False                      # True: Newton steps solve for rows
         self.listed_at, self.found_at = Placed(pairs.lists(real), device), Placed(pairs.Candidates, device)
@@ -216,18 +215,10 @@ class Near:
             launch(self.thin, len(s.points), [s.data, self.words], [f])
         self.pairs.count.zero_()
         self.found_at.struct.count.zero_()
-        for tree in self.trees:
-            tree.fit(f)
-        for kind, order, k in self._searches():
-            tree = self.trees[k].tree
-            shares = self.shares(len(order), tree.leaves)
-            launch(self.meet, shares * len(order), [s.data, f, kind, order, tree, s.thickness, shares], [self.found_at.at])
+        self.forest.fit(s.data, f)
+        self.forest.look(s, f, self.found_at.at)
         launch(self.sift, self.threads, [s.data, f, self.found_at.at, self.threads], [self.listed_at.at])
         launch(self.listed, 1, [self.found_at.at, begins, len(s.points)], [self.listed_at.at, f, self.words])
-
-    def shares(self, looking: int, leaves: int) -> int:
-        """Threads that share a walk through a tree: few that look leave a GPU idle, and walks are long where surfaces fold."""
-        return min(leaves, SHARES, 1 << max(WALKS // looking, 1).bit_length() - 1) if self.model.device.is_cuda else 1
 
     def look(self, at, fresh: int = 0) -> None:
         """Looks whether points are in their tubes where the substep ends. fresh: as `kernels.selfcontact.tubes.watch`."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
+from wsim.kernels.selfcontact import search
 from wsim.kernels.selfcontact import tree as kernels
 from wsim.model.structs import filled
 from wsim.physics.selfcontact.modules import core
@@ -15,7 +16,9 @@ if TYPE_CHECKING:
     from wsim.model.model import Model
     from wsim.physics.selfcontact.surfaces import Surfaces
 
-LEVELS = 3             # of a tree that one launch fits
+LEVELS = 3             # of a tree that one launch, or a block without a meeting, fits
+LARGE = 1 << 15        # leaves from which a tree is more than a block's
+WALKS, SHARES = 1 << 16, 32            # threads of a search on a GPU, and those that share a walk, at most
 EMPTY = 1e30           # of the boxes of empty leaves, which end before they begin [m]
 
 
@@ -44,7 +47,7 @@ class Tree:
     def __init__(self, model: Model, surfaces: Surfaces, kind: int, span: slice):
         """kind: 0 of triangles, 1 of edges; span: those of the tables of surfaces."""
         self.model, self.surfaces, self.kind = model, surfaces, kind
-        self.lay, self.join = kernels.lay(model.real, core(model)), kernels.join(core(model))
+        self.join = kernels.join(core(model))
         table = (surfaces.triangles, surfaces.edges)[kind][span]
         self.number, world = len(table), surfaces.world[table[:, 0]]
         own = [span.start + np.flatnonzero(world == k) for k in range(model.worlds)]
@@ -55,11 +58,51 @@ class Tree:
                            box=wp.array(boxes, dtype=kernels.Box, device=model.device),
                            front=wp.zeros(0 if model.device.is_cuda else 2 * self.leaves, dtype=int, device=model.device))
 
-    def fit(self, frames) -> None:
-        """Boxes of all nodes, about tubes."""
-        launch, leaves = self.model.launch, self.leaves
-        launch(self.lay, len(self.tree.item), [self.surfaces.data, frames, self.kind], [self.tree])
+    def fit(self) -> None:
+        """Boxes of all nodes above leaves."""
+        leaves = self.leaves
         while leaves > 1:
             levels = min(LEVELS, leaves.bit_length() - 1)
             leaves >>= levels
-            launch(self.join, leaves * self.model.worlds, [leaves, levels], [self.tree])
+            self.model.launch(self.join, leaves * self.model.worlds, [leaves, levels], [self.tree])
+
+
+class Trees:
+    """All trees, and who looks into which: see kernels/selfcontact/search.py."""
+
+    def __init__(self, model: Model, trees: list[Tree], searches: list[tuple[int, wp.array, int]]):
+        """searches: kind as `search.meet` has it, points or edges that look, tree that they look into."""
+        self.model, self.each = model, trees
+        self.lay, self.meet = kernels.lay(model.real, core(model)), search.meet(model.real, core(model), model.device.is_cpu)
+        self.leaves, self.fitted = self._looks([(tree.kind, tree.tree.item, k, 1) for k, tree in enumerate(trees)])
+        each = [(kind, order, k, self.shares(len(order), trees[k].leaves)) for kind, order, k in searches]
+        self.seekers, self.looks = self._looks(each)
+        self.join: Any = None                    # of a block for each tree
+        if model.device.is_cuda and max(tree.leaves for tree in trees) <= LARGE:
+            name = f"{core(model)}_trees"
+            model.modules[name] = kernels.BLOCK
+            self.join = kernels.join_all(name)
+
+    def _looks(self, rows: list[tuple[int, wp.array, int, int]]) -> tuple[int, wp.array]:
+        """Threads of a launch, and what they do: kind, what looks, its tree, threads that share a walk."""
+        first = np.cumsum([0, *(shares * len(order) for _, order, _, shares in rows)])
+        looks = [filled(kernels.Look, first=int(n), kind=kind, shares=shares, order=order, into=self.each[k].tree)
+                 for n, (kind, order, k, shares) in zip(first[:-1], rows, strict=True)]
+        return int(first[-1]), wp.array(looks, dtype=kernels.Look, device=self.model.device)
+
+    def shares(self, looking: int, leaves: int) -> int:
+        """Threads that share a walk through a tree: few that look leave a GPU idle, and walks are long where surfaces fold."""
+        return min(leaves, SHARES, 1 << max(WALKS // looking, 1).bit_length() - 1) if self.model.device.is_cuda else 1
+
+    def fit(self, data: Any, frames: Any) -> None:
+        """Boxes of all nodes, about tubes."""
+        self.model.launch(self.lay, self.leaves, [data, frames, self.fitted], [])
+        if self.join:
+            self.model.launch_blocks(self.join, len(self.each) * self.model.worlds, kernels.BLOCK, [LEVELS, self.fitted], [])
+            return
+        for tree in self.each:
+            tree.fit()
+
+    def look(self, surfaces: Surfaces, frames: Any, found: wp.array) -> None:
+        """Lists candidates."""
+        self.model.launch(self.meet, self.seekers, [surfaces.data, frames, self.looks, surfaces.thickness], [found])
