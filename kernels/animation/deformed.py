@@ -74,13 +74,17 @@ def refit(module):
 
 @cache
 def pose_mesh(module):
-    """Kernel over the points of a deforming mesh: its shape at the end of substep k, and the way there [m]."""
+    """Kernel over the points of a deforming mesh: its shape at the end of substep k, and the way there [m]. now: as of
+    `wsim.kernels.contact.project.read`."""
 
-    def pose_mesh(track: wp.array2d(dtype=wp.vec3f), k: int, point_out: wp.array(dtype=wp.vec3f),
+    def pose_mesh(track: wp.array2d(dtype=wp.vec3f), k: int, now: wp.array(dtype=int), point_out: wp.array(dtype=wp.vec3f),
                   step_out: wp.array(dtype=wp.vec3f)):
         i = wp.tid()
-        end = track[k + 1, i]
+        j = int(k)
+        if now:
+            j += now[0]
+        end = track[j + 1, i]
         point_out[i] = end
-        step_out[i] = end - track[k, i]
+        step_out[i] = end - track[j, i]
 
     return wp.kernel(pose_mesh, name="pose_mesh", module=module, enable_backward=False)

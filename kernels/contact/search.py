@@ -272,7 +272,10 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
     def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
                struck_out: wp.array(dtype=real)):
         i = wp.tid()
-        carried = find(c, points, s, wp.vec3i(i, at.k, c.deep[0] | (s.mark[i] & SUNK)), at.x[i], at.d[i], push_out)
+        k = int(at.k)
+        if at.now:
+            k += at.now[0]
+        carried = find(c, points, s, wp.vec3i(i, k, c.deep[0] | (s.mark[i] & SUNK)), at.x[i], at.d[i], push_out)
         if wp.dot(carried, carried) > real(0.0):
             d_out[i] = at.d[i] + carried
             a_out[i] = at.a[i] + carried

@@ -24,9 +24,10 @@ from wsim.kernels.selfcontact.tubes import frames
 
 @cache
 def place(real, module):
-    """Kernel: x, d, a of the points of one collider in substep k. own: numbers of the points of its mesh, (m,); M: its frames
-    at the ends of substeps; track: its points at these, (substeps + 1, n), or always, (1, n); part: 1 - g / h."""
-    t = types(real)
+    """Kernel: x, d, a of the points of one collider in substep k, in arrays of their own. own: numbers of the points of its
+    mesh, (m,); M: its frames at the ends of substeps; track: its points at these, (substeps + 1, n), or always, (1, n); now: as
+    of `wsim.kernels.contact.project.read`; part: 1 - g / h."""
+    t, State = types(real), states(real)
 
     @wp.func
     def at(M: wp.array(dtype=wp.mat44d), track: wp.array2d(dtype=wp.vec3f), k: int, j: int):
@@ -36,14 +37,17 @@ def place(real, module):
 
     @wp.kernel(module=module, enable_backward=False)
     def place_points(own: wp.array(dtype=int), M: wp.array(dtype=wp.mat44d), track: wp.array2d(dtype=wp.vec3f), k: int,
-                     part: real, x: wp.array(dtype=t.vec3), d: wp.array(dtype=t.vec3), a: wp.array(dtype=t.vec3)):
+                     now: wp.array(dtype=int), part: real, to: State):
         i = wp.tid()
         j = own[i]
-        begin = at(M, track, k, j)
-        way = at(M, track, k + 1, j) - begin
-        x[i] = begin
-        d[i] = way
-        a[i] = part * way
+        row = int(k)
+        if now:
+            row += now[0]
+        begin = at(M, track, row, j)
+        way = at(M, track, row + 1, j) - begin
+        to.x[i] = begin
+        to.d[i] = way
+        to.a[i] = part * way
 
     return place_points
 

@@ -34,7 +34,6 @@ from wsim.scene.values.table import FRICTION
 
 SKIN = 2e-3            # [m] least margin of the search: what constraints may move a point that predicts no motion
 RECOVERY = 0.5         # [m/s] at which points leave an overlap: 10 cm in 0.2 s; faster tears at the cloth around them
-ROWS = (("pose", 2), ("step", 1), ("ball", 1), ("stride", 1))      # tables with a row for each substep, and rows that one reads
 MANY = 64              # balls of an object; a CPU core, 1024 points, ms a frame: 2.3 without a tree, 1.4 with; even at 24 balls
 
 
@@ -236,8 +235,8 @@ class Contacts:
             self.zero(self.points.radius)                # distances of a frame before
         if self.search_kernel is None:
             self.searches()
-        at, table = self.read(x=x, d=d, a=a, k=0 if loop else k), loop.table(self.table, ROWS) if loop else self.table
-        self.launch(self.search_kernel, self.count, [table, self.points, at], [self.slots, d, a, self.push, self.struck])
+        at = self.read(x=x, d=d, a=a, **({"k": 0, "now": loop.number} if loop else {"k": k}))
+        self.launch(self.search_kernel, self.count, [self.table, self.points, at], [self.slots, d, a, self.push, self.struck])
         if self.edges:
             self.edges.search(at, d, a)
 

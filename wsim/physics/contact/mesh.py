@@ -108,7 +108,7 @@ class Mesh:
         """The shape at the end of substep k, its motion and its tree; capturable. of: `wsim.physics.contact.contacts.Contacts`,
         which has a kernel for the tree on a CPU; loop: as `Clock.loop`."""
         mesh, track = self.device["mesh"], self.device["track"]
-        of.launch(of.pose_kernel, track.shape[1], [loop.rows(track, 2), 0] if loop else [track, k],
+        of.launch(of.pose_kernel, track.shape[1], [track, 0, loop.number] if loop else [track, k, None],
                   [mesh.points, mesh.velocities])
         if loop and of.refit_kernel is None:
             from wsim.kernels.math import mesh_refit

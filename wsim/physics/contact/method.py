@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from wsim.model.status import Status
     from wsim.simulation.methods import Build
 
+LISTS = True           # of faces on a GPU: tests and benchmarks compare
 CLEARED = 16           # substeps of a frame from which points pass over meshes that they are known to be far from
 ROOM = "contacts wanted by a point"       # status word, where there was not room for as many
 FACES = "faces near a point"              # status word, of a mesh collider, where lists have not room for as many
@@ -128,7 +129,10 @@ class Contact(Method):
             broad.listed(self.contacts)
         elif self.contacts.meshes and self.movers is None and not self.model.gradients and self.contacts.substeps >= CLEARED:
             from wsim.physics.contact import broad
-            broad.cleared(self.contacts)
+            if self.model.device.is_cuda and LISTS:
+                broad.listed(self.contacts, broad.WIDE)
+            else:
+                broad.cleared(self.contacts)
         if self.contacts.search_kernel is None:
             self.contacts.searches()
         if edged:

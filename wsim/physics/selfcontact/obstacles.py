@@ -14,6 +14,7 @@ import warp as wp
 
 from wsim.geometry import primitives
 from wsim.kernels.selfcontact import obstacles as kernels
+from wsim.model.structs import filled
 from wsim.scene import Box, Surface
 
 if TYPE_CHECKING:
@@ -135,14 +136,12 @@ class Obstacles:
         return self.each[k].forms or bool(self.contacts.rows.colliders[self.each[k].number].motion.moves)
 
     def _place(self, k: int, substep: int, part: float, clock: Clock | None = None) -> None:
-        o, M = self.each[k], self.M[k]
+        o = self.each[k]
         track = o.mesh.device["track"] if o.forms else self.track[k]
-        if clock:
-            track = clock.read_rows(track, substep, 2)[0] if o.forms else track
-            M, substep = clock.read_rows(M, substep, 2)
+        substep, now = (0, clock.loop.number) if clock and clock.loop else (substep, None)
         begin = self.places[id(o)][0]
-        arrays = [getattr(self.state, name)[begin:begin + len(self.own[k])] for name in "xda"]
-        self.model.launch(self.place, len(self.own[k]), [self.own[k], M, track, substep, part], arrays)
+        to = filled(type(self.state), **{name: getattr(self.state, name)[begin:begin + len(self.own[k])] for name in "xda"})
+        self.model.launch(self.place, len(self.own[k]), [self.own[k], self.M[k], track, substep, now, part], [to])
 
     def move(self, clock: Clock) -> None:
         """Launches the ways of what moves in a substep; surfaces meet it where the substep ends."""
