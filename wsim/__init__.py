@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from wsim.usd import load, save  # type: ignore[no-redef]  # wsim.usd.load is a module too
     from wsim.usd.result.recorder import Recorder
 
-__version__ = "0.0.1"
+__version__ = "0.1.0"
 
 _HOME = {
     **dict.fromkeys(("Scene", "Cloth", "Springs", "Collider", "Pin", "Plane", "Sphere", "Box", "Capsule", "Cylinder", "Cone",

@@ -1,7 +1,7 @@
 """What a result was made of and how: custom data `wsim:run` of its layer, so that a run that goes on from it can tell what is
 another now.
 
-    {"version": "0.0.1", "settings": {"precision": "float32", "solver": "xpbd", ...}, "scene": {path: {field: digest}}}
+    {"version": "0.1.0", "settings": {"precision": "float32", "solver": "xpbd", ...}, "scene": {path: {field: digest}}}
 
 Beside it, for people (`usdcat --layerMetadata`), the dictionary `wsim`: version, command, scene, sceneHash and the settings.
 
