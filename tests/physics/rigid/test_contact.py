@@ -248,7 +248,7 @@ def test_runs_are_the_same_to_the_bit():
 
 
 def test_a_frame_in_which_more_pairs_are_near_than_there_is_room_for_is_repeated():
-    """Thirty balls in nearly one place: 435 pairs, where there is room for 4 a shape and 16."""
+    """Thirty balls in nearly one place: 435 pairs, where there is room for 256."""
     balls = [ball(f"/ball{k}", (0.02 * k, 5.0 + 0.02 * k, 0.0)) for k in range(30)]
     sim = world(*balls, precision="float32")
     sim.run(2)

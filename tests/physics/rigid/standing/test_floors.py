@@ -114,11 +114,11 @@ def test_a_mesh_that_moves_carries_a_box_along():
 
 
 def test_more_pairs_with_a_mesh_than_there_is_room_for_repeat_the_frame():
-    """Thirty boxes on one mesh take eight rows each, where there is room for four a shape."""
-    sim = on(grid(8), *[box(f"/box{k}", (-4.0 + 0.27 * k, 0.1, 0.0), (0.1, 0.1, 0.1)) for k in range(30)], precision="float32")
+    """Thirty-four boxes on one mesh take eight rows each, where there is room for 256 in all."""
+    sim = on(grid(8), *[box(f"/box{k}", (-4.0 + 0.24 * k, 0.1, 0.0), (0.1, 0.1, 0.1)) for k in range(34)], precision="float32")
     sim.run(30)
     assert any("pairs of rigid shapes" in w and "repeated" in w for w in sim.repeats)
-    assert np.abs(Seen(sim).v[:30]).max() < 1e-3 and abs(Seen(sim).at("/box29")[1] - 0.1) < 1e-3
+    assert np.abs(Seen(sim).v[:34]).max() < 1e-3 and abs(Seen(sim).at("/box33")[1] - 0.1) < 1e-3
 
 
 def test_runs_over_a_mesh_are_the_same_to_the_bit():

@@ -30,6 +30,7 @@ from wsim.physics.rigid.solids import as_met, meeting, standing
 from wsim.scene import Collider
 
 LISTED = 60.0                # [1/s]: seldom enough for a pile at rest, often enough that few pairs are listed which never meet
+FEW = 256                    # pairs that there is room for at first, if so many shapes there are may meet
 WORD, IN_TURN, WEIGHT = "rigid pairs", "rigid manifolds without a colour", 9.81        # [m/s^2] where a scene has none
 PAIRS = (Field("a", "", True, "shape of a manifold, -1 for none", "int"), Field("b", "", True, "the other", "int"),
          Field("count", "", True, "its points", "int"), Field("colour", "", True, "its colour, -1 for none", "int"))
@@ -74,13 +75,12 @@ class Contacts:
         self.parts = (Part.allocate("rigid pairs", PAIRS, 0, real, self.device, self._room()),
                       Part.allocate("rigid touches", POINTS, 0, real, self.device, 4 * self._room()))
         b.state.add(*self.parts)
-        self.broad = PairList(self, module)
+        self.broad, self.poses_of = PairList(self, module), ()      # type: PairList, tuple
         self._lists(self._room())
         self._empty(0)
-        self.poses_of: tuple = ()
 
     def _room(self) -> int:
-        return 16 + 4 * len(self.owners)
+        return max(16 + 4 * (n := len(self.owners)), min(FEW, n * (n - 1) // 2 + n * len(self.colliders)))
 
     def _shapes(self) -> None:
         method, real = self.method, self.real
