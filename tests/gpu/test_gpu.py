@@ -68,6 +68,23 @@ def test_springs_model_and_large_colours_agree():
     assert reference.rms(cpu - gpu) < 1e-6
 
 
+@pytest.mark.parametrize("worlds", [1, 2])
+def test_a_cluster_sweeps_colours_with_the_bits_of_launches(monkeypatch, worlds):
+    """Membranes and hinges of 600 and 500 to 1000 a colour, which a block would not take."""
+    found = []
+    for shared in (batch.SHARED, 0):
+        monkeypatch.setattr(batch, "SHARED", shared)
+        monkeypatch.setattr(batch, "FUSE", 64)
+        scene = Scene(solver="xpbd", fps=60.0, substeps=4, iterations=2)
+        cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 30, 30), material=Fabric(stretch=800.0, bend=1e-4, damping=1e-3))
+        scene.pin("/pins", cloth, range(31))
+        sim = Simulation(scene, device="cuda:0", worlds=worlds)
+        sim.run(5)
+        assert all(bool(each.cluster) == (shared > 0) for each in sim.plan.methods.every("batches"))
+        found.append(sim.state.x.numpy())
+    assert np.array_equal(*found)
+
+
 @pytest.mark.parametrize("n, cluster", [(8, 16), (16, 16), (32, 16), (64, 16), (80, None)])
 def test_explicit_steps_agree_however_they_are_launched(n, cluster):
     """By a cluster of blocks, by launches, and by one CPU thread: three kernels for one law."""

@@ -7,8 +7,10 @@ import warp as wp
 import wsim
 from tests.physics.animation.make import bones, lump, scene_of, skin
 from tests.physics.animation.test_dressed import clothed, seen
-from tests.physics.animation.test_skinning import track
+from tests.physics.animation.test_skinning import nearest_faces, track
 from tools.bench.contact.skinning import character, speed
+from wsim.geometry.triangulate import triangulate
+from wsim.kernels.math import mesh_refit
 from wsim.physics.animation.objects import DUAL, LINEAR
 from wsim.physics.animation.skinning import placed
 from wsim.scene import shapes
@@ -63,3 +65,26 @@ def test_what_follows_driven_joints_goes_with_their_bodies():
 def test_a_character_under_a_cloth_stays_under_it():
     row = character(wp.get_device("cuda:0"), 60)
     assert row["penetration"] < 5e-3 and row["contacts"] > 100
+
+
+@pytest.mark.parametrize("sides", [4, 12, 65])
+def test_a_block_fits_the_tree_that_warp_fits(sides):
+    """Faces, sides by winding numbers and rays about a sphere that was squashed and shaken, of 8 to 4095 triangles."""
+    rng = np.random.default_rng(5)
+    points, counts, indices = shapes.sphere(0.3, sides)
+    corners = triangulate(points, counts, indices, True)[0].astype(np.int32)
+    q, way = (wp.array(rng.normal(size=(300, 3)) * 0.4, dtype=wp.vec3f, device="cuda:0") for _ in range(2))
+    moved = (points * [1.0, 3.0, 0.4] + 0.05 * np.sin(9.0 * points[:, [1, 2, 0]])).astype(np.float32)
+    found = []
+    for own in (False, True):
+        places = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cuda:0")
+        mesh = wp.Mesh(places, wp.array(corners.ravel(), dtype=int, device="cuda:0"), support_winding_number=True)
+        places.assign(moved)
+        if own:
+            wp.launch(mesh_refit.fit_block(), mesh_refit.BLOCK, [mesh.id], [], device="cuda:0", block_dim=mesh_refit.BLOCK)
+        else:
+            mesh.refit()
+        out = wp.zeros(300, dtype=wp.vec4f, device="cuda:0")
+        wp.launch(nearest_faces, 300, [mesh.id, q, way], [out], device="cuda:0")
+        found.append(out.numpy()[:, [0, 2, 3]])                # signs by normals need the mean edge, too
+    assert len(corners) <= mesh_refit.SMALL and np.array_equal(*found)
