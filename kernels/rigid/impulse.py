@@ -104,6 +104,28 @@ def formulas(real, held: bool = False):
             arm_b += rig.c.rim[j][1] * across(axis(rig.c.b[m], R_b, rig), n)
         return arm_a, arm_b
 
+    @wp.func
+    def together(m: int, count: int, two: Two, rig: Rig):
+        """A of a manifold."""
+        n = rig.c.n[m]
+        w = two.w_a + two.w_b
+        turn_a = rows()
+        turn_b = rows()
+        for i in range(4):
+            if i < count:
+                turn_a[i] = wp.cross(rig.work.r_a[4 * m + i], n)
+                turn_b[i] = wp.cross(rig.work.r_b[4 * m + i], n)
+        A = t.mat44()
+        for i in range(4):
+            A[i, i] = real(1.0)
+            if i < count:
+                S = two.S_a * turn_a[i]
+                Z = two.S_b * turn_b[i]
+                for e in range(4):
+                    if e < count:
+                        A[i, e] = w + wp.dot(turn_a[e], S) + wp.dot(turn_b[e], Z)
+        return A
+
     @wp.func(inline=False)
     def prepare(m: int, k: int, rig: Rig):
         """Arms, gaps and responses of the points of a manifold, as bodies are."""
@@ -115,42 +137,28 @@ def formulas(real, held: bool = False):
             t1 = first(n)
             t2 = wp.cross(n, t1)
             w = two.w_a + two.w_b
-            turn_a = rows()
-            turn_b = rows()
-            for i in range(4):
-                if i < count:
-                    j = 4 * m + i
-                    arm_a, arm_b = arms(m, j, two, rig)
-                    d = away + (arm_a - rig.c.first_a[j]) - (arm_b - rig.c.first_b[j])
-                    rig.work.now[j] = rig.c.gap[j] + wp.dot(n, d)
-                    if wp.static(held):
-                        rig.c.drift[j] = t.vec3()
-                        if collider_moves(two.g, k, rig) and rig.c.skin[m] == t.vec2() and rig.c.rim[j] == t.vec2():
-                            rig.c.drift[j] = d - wp.dot(n, d) * n
-                    arm_a = arm_a - rig.c.skin[m][0] * n
-                    arm_b = arm_b + rig.c.skin[m][1] * n
-                    rig.work.r_a[j] = arm_a
-                    rig.work.r_b[j] = arm_b
-                    turn_a[i] = wp.cross(arm_a, n)
-                    turn_b[i] = wp.cross(arm_b, n)
-                    a1 = wp.cross(arm_a, t1)
-                    a2 = wp.cross(arm_a, t2)
-                    b1 = wp.cross(arm_b, t1)
-                    b2 = wp.cross(arm_b, t2)
-                    S1 = two.S_a * a1
-                    Z1 = two.S_b * b1
-                    rig.work.K[j] = t.vec3(w + wp.dot(a1, S1) + wp.dot(b1, Z1), wp.dot(a2, S1) + wp.dot(b2, Z1),
-                                           w + wp.dot(a2, two.S_a * a2) + wp.dot(b2, two.S_b * b2))
-            A = t.mat44()
-            for i in range(4):
-                A[i, i] = real(1.0)
-                if i < count:
-                    S = two.S_a * turn_a[i]
-                    Z = two.S_b * turn_b[i]
-                    for e in range(4):
-                        if e < count:
-                            A[i, e] = w + wp.dot(turn_a[e], S) + wp.dot(turn_b[e], Z)
-            rig.work.A[m] = A
+            for i in range(count):                              # a loop: a GPU waits for code that it runs through once
+                j = 4 * m + i
+                arm_a, arm_b = arms(m, j, two, rig)
+                d = away + (arm_a - rig.c.first_a[j]) - (arm_b - rig.c.first_b[j])
+                rig.work.now[j] = rig.c.gap[j] + wp.dot(n, d)
+                if wp.static(held):
+                    rig.c.drift[j] = t.vec3()
+                    if collider_moves(two.g, k, rig) and rig.c.skin[m] == t.vec2() and rig.c.rim[j] == t.vec2():
+                        rig.c.drift[j] = d - wp.dot(n, d) * n
+                arm_a = arm_a - rig.c.skin[m][0] * n
+                arm_b = arm_b + rig.c.skin[m][1] * n
+                rig.work.r_a[j] = arm_a
+                rig.work.r_b[j] = arm_b
+                a1 = wp.cross(arm_a, t1)
+                a2 = wp.cross(arm_a, t2)
+                b1 = wp.cross(arm_b, t1)
+                b2 = wp.cross(arm_b, t2)
+                S1 = two.S_a * a1
+                Z1 = two.S_b * b1
+                rig.work.K[j] = t.vec3(w + wp.dot(a1, S1) + wp.dot(b1, Z1), wp.dot(a2, S1) + wp.dot(b2, Z1),
+                                       w + wp.dot(a2, two.S_a * a2) + wp.dot(b2, two.S_b * b2))
+            rig.work.A[m] = together(m, count, two, rig)
 
     @wp.func(inline=False)
     def begun(m: int, k: int, rig: Rig):

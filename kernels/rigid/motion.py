@@ -24,12 +24,21 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.math.marks import whole
+from wsim.kernels.math.marks import called, whole
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import conjugate, multiply, normalized, rotate
 
 C = wp.constant(wp.float64(0.1931833275037836))
+S2, S6, S12, S20, S30, S42, S56, S72, S90, S110, S132, S156 = (           # 1 / n (n - 1): ratios of terms of sine and cosine
+    wp.constant(wp.float64(1.0 / n)) for n in (2, 6, 12, 20, 30, 42, 56, 72, 90, 110, 132, 156))
 SMALL = wp.constant(wp.float64(0.25))             # [rad] below which half an angle takes a series: 1e-17 of it left out
+
+
+@called
+@wp.func
+def large_turn(half: wp.float64):
+    """(sin, cos) of an angle of any size [rad]: 200 instructions, which substeps hardly ever need."""
+    return wp.vec2d(wp.sin(half), wp.cos(half))
 
 
 @wp.func
@@ -40,13 +49,12 @@ def half_turn(half: wp.float64):
     if wp.abs(half) < SMALL:
         z = half * half
         one = wp.float64(1.0)
-        s = half * (one - z / wp.float64(6.0) * (one - z / wp.float64(20.0) * (one - z / wp.float64(42.0) * (
-            one - z / wp.float64(72.0) * (one - z / wp.float64(110.0) * (one - z / wp.float64(156.0)))))))
-        c = one - z / wp.float64(2.0) * (one - z / wp.float64(12.0) * (one - z / wp.float64(30.0) * (
-            one - z / wp.float64(56.0) * (one - z / wp.float64(90.0) * (one - z / wp.float64(132.0))))))
+        s = half * (one - S6 * z * (one - S20 * z * (one - S42 * z * (one - S72 * z * (one - S110 * z * (one - S156 * z))))))
+        c = one - S2 * z * (one - S12 * z * (one - S30 * z * (one - S56 * z * (one - S90 * z * (one - S132 * z)))))
     else:
-        s = wp.sin(half)
-        c = wp.cos(half)
+        large = large_turn(half)
+        s = large[0]
+        c = large[1]
     return s, c
 
 

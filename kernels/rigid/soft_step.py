@@ -79,92 +79,122 @@ def goals(real):
 def sweeps(real, exact: bool = False):
     """(warm, solve): functions of a manifold m. exact: of the converged mode, whose adjoint has points go straight."""
     t, Rig, friction_of = types(real), whole(real), surfaces(real)[0]
-    Two, _, begun, shoved, pushed, ended, slip, rubbed = formulas(real)
+    Two, _, begun, shoved, _, ended, _, rubbed = formulas(real)
+    rows = wp.types.matrix((4, 3), real)
     together, (goal, fastest), (bends, bend), hold = impulses(real), goals(real), bending(real), holding(real)
 
+    @wp.struct
+    class Four:
+        """The points of a manifold, rows, read before anything is written: reads wait for one another else."""
+        r_a: rows
+        r_b: rows
+        K: rows
+        rub: rows
+        drift: rows
+        push: t.vec4
+        now: t.vec4
+
     @wp.func
-    def meets(two: Two, m: int, j: int, h: real, arcs: bool, rig: Rig):
-        """u of point j of manifold m; arcs: in the mean of the substep."""
-        u = slip(two, j, rig)
+    def points(m: int, rig: Rig):
+        p = Four()
+        for i in range(4):
+            p.r_a[i] = rig.work.r_a[4 * m + i]
+            p.r_b[i] = rig.work.r_b[4 * m + i]
+            p.K[i] = rig.work.K[4 * m + i]
+            p.rub[i] = rig.c.rub[4 * m + i]
+            p.drift[i] = rig.c.drift[4 * m + i]
+            p.push[i] = rig.c.push[4 * m + i]
+            p.now[i] = rig.work.now[4 * m + i]
+        return p
+
+    @wp.func
+    def meets(two: Two, p: Four, m: int, i: int, h: real, arcs: bool, rig: Rig):
+        """u of point i of manifold m; arcs: in the mean of the substep."""
+        u = two.v_a + wp.cross(two.o_a, p.r_a[i]) - two.v_b - wp.cross(two.o_b, p.r_b[i])
         if wp.static(not exact):
             if arcs:
-                u += bend(two, m, j, h, rig)
+                u += bend(two, m, 4 * m + i, h, rig)
         return u
 
     @wp.func(inline=False)
     def warm(m: int, k: int, h: real, rig: Rig):
-        if rig.c.count[m] > 0:
+        count = rig.c.count[m]
+        if count > 0:
             two = begun(m, k, rig)
+            p = points(m, rig)
             n = rig.c.n[m]
             s = real(0.5) * h * wp.dot(n, two.o_a + two.o_b)             # what turns about n takes its friction with it
             c = real(1.0) - real(0.5) * s * s
             P = t.vec3()
             T_a = t.vec3()
             T_b = t.vec3()
-            for i in range(rig.c.count[m]):
-                j = 4 * m + i
-                rub = rig.c.rub[j] - wp.dot(n, rig.c.rub[j]) * n
-                rub = c * rub + s * wp.cross(n, rub)
-                rig.c.rub[j] = rub
-                one = rig.c.push[j] * n + rub
-                P += one
-                T_a += wp.cross(rig.work.r_a[j], one)
-                T_b += wp.cross(rig.work.r_b[j], one)
+            for i in range(4):
+                if i < count:
+                    rub = p.rub[i] - wp.dot(n, p.rub[i]) * n
+                    rub = c * rub + s * wp.cross(n, rub)
+                    rig.c.rub[4 * m + i] = rub
+                    one = p.push[i] * n + rub
+                    P += one
+                    T_a += wp.cross(p.r_a[i], one)
+                    T_b += wp.cross(p.r_b[i], one)
             ended(shoved(two, P, T_a, T_b), rig)
 
-    @wp.func(inline=False)
-    def along(two: Two, m: int, count: int, h: real, biased: int, arcs: bool, rig: Rig):
-        """After the impulses along the normal, of all points together."""
+    @wp.func
+    def along(two: Two, p: Four, m: int, count: int, h: real, biased: int, arcs: bool, rig: Rig):
+        """(bodies, pushes) after the impulses along the normal, of all points together."""
         n = rig.c.n[m]
-        before = t.vec4()
         wanted = t.vec4()              # of the velocity along n: its change
         soft = t.vec4()                # part of A_ii that an impulse gives way by
         close = t.vec4()               # the same, of its change
+        before = t.vec4()
         acts = wp.vec4i()
         most = fastest(m, rig)
         for i in range(4):
             if i < count:
-                before[i] = rig.c.push[4 * m + i]
-                wants = goal(rig.work.now[4 * m + i], before[i], h, most, biased)
+                before[i] = p.push[i]
+                wants = goal(p.now[i], before[i], h, most, biased)
                 soft[i] = wants[2]
                 if wants[2] == real(0.0):
                     close[i] = real(NEAR)
                 if wants[0] > real(0.0):
                     acts[i] = 1
-                    wanted[i] = -(wp.dot(n, meets(two, m, 4 * m + i, h, arcs, rig)) + wants[1])
+                    wanted[i] = -(wp.dot(n, meets(two, p, m, i, h, arcs, rig)) + wants[1])
         more = together(rig.work.A[m], before, wanted, soft, close, acts)
         T_a = t.vec3()
         T_b = t.vec3()
         P = t.vec3()
         for i in range(4):
             if i < count:
-                rig.c.push[4 * m + i] = before[i] + more[i]
                 P += more[i] * n
-                T_a += wp.cross(rig.work.r_a[4 * m + i], more[i] * n)
-                T_b += wp.cross(rig.work.r_b[4 * m + i], more[i] * n)
-        return shoved(two, P, T_a, T_b)
+                T_a += wp.cross(p.r_a[i], more[i] * n)
+                T_b += wp.cross(p.r_b[i], more[i] * n)
+        return shoved(two, P, T_a, T_b), before + more
 
     @wp.func(inline=False)
     def solve(m: int, k: int, h: real, biased: int, rig: Rig):
         count = rig.c.count[m]
         if count > 0:
             two = begun(m, k, rig)
-            arcs = biased == 1 and bends(two, h)
-            two = along(two, m, count, h, biased, arcs, rig)
+            p = points(m, rig)
             n = rig.c.n[m]
             mu = friction_of(m, rig)
-            for i in range(count):
-                j = 4 * m + i
-                was = rig.c.rub[j]
-                u = meets(two, m, j, h, arcs, rig)
-                if wp.static(not exact):
-                    if biased == 1:
-                        u += (real(BACK) / h) * rig.c.drift[j]
-                rub = rubbed(was, u, n, rig.work.K[j], rig.c.push[j], mu)
-                rig.c.rub[j] = rub
-                two = pushed(two, j, rub - was, rig)
+            arcs = biased == 1 and bends(two, h)
+            two, push = along(two, p, m, count, h, biased, arcs, rig)
+            drifts = real(0.0)
+            for i in range(4):
+                if i < count:
+                    u = meets(two, p, m, i, h, arcs, rig)
+                    if wp.static(not exact):
+                        if biased == 1:
+                            u += (real(BACK) / h) * p.drift[i]
+                            drifts += wp.length_sq(p.drift[i])
+                    rub = rubbed(p.rub[i], u, n, p.K[i], push[i], mu)
+                    P = rub - p.rub[i]
+                    two = shoved(two, P, wp.cross(p.r_a[i], P), wp.cross(p.r_b[i], P))
+                    rig.c.push[4 * m + i] = push[i]
+                    rig.c.rub[4 * m + i] = rub
             if wp.static(not exact):
-                if biased == 1:
+                if drifts > real(0.0):
                     hold(m, count, mu, rig)
             ended(two, rig)
 

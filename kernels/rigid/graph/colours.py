@@ -4,7 +4,7 @@ A pair that had a colour keeps it. Of the others, in rounds, each asks both its 
 who is granted by all takes the least colour that neither body has yet (Jones and Plassmann 1993, on the edges of the graph of
 bodies). Ranks are a bijection of the place in the list that mixes its bits: neighbours do not wait in a row. Colours so depend
 on the list alone, not on the order of threads. What finds no colour below SERIAL within ROUNDS becomes SERIAL, and is solved in
-turn. Manifolds without points have none. At last they are sorted by colour.
+turn. Manifolds without points have none. At last they are sorted by colour. All stays as it is where none was made.
 """
 
 from functools import cache
@@ -164,9 +164,24 @@ def colours(real, module, meet, threads: int = 0, cluster: int = 0):
         for f in range(i, rig.b.w.shape[0], threads):
             rig.work.first[f] = FREE
 
+    @wp.func
+    def changed(i: int, threads: int, count: int, rig: Rig):
+        """Whether the list, or a manifold, was made in this substep."""
+        if i == 0 and rig.work.strayed[0] == 1:
+            rig.work.flags[0] = 1
+        for m in range(i, count, threads):
+            if rig.work.renewed[m] > 0:
+                rig.work.flags[0] = 1
+        meet()
+        found = rig.work.flags[0]
+        meet()
+        return found == 1
+
     def rigid_colours(threads: int, rig: Rig, serial: wp.array(dtype=int)):
         i = wp.tid()
         count = manifolds_of(rig)
+        if not changed(i, threads, count, rig):
+            return
         for f in range(i, rig.b.w.shape[0], threads):
             rig.work.taken[f] = wp.int64(0)
         if i == 0:

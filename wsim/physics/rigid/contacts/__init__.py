@@ -178,15 +178,12 @@ class Contacts:
             self.broad.place_colliders(0, 0.0)
 
     def advance(self, clock: Clock) -> None:
-        """All substeps of a frame."""
-        sleep = self.method.sleep
-        if sleep and self.device.is_cpu and not (self.still.moving or sleep.stirs):
+        if (sleep := self.method.sleep) and self.device.is_cpu and not (self.still.moving or sleep.stirs):
             wp.capture_if(sleep.awake, self.awake, clock=clock)
         else:
             self.awake(clock)
 
     def awake(self, clock: Clock) -> None:
-        """A frame in which something may move."""
         if self.form.tolerance > 0.0:
             self.work.residual.zero_()
         for k in range(clock.substeps):
@@ -214,8 +211,8 @@ class Contacts:
 
     def launches(self, clock: Clock) -> int:
         times = len(self.ends(clock)) - 1
-        listed = 7 + 2 * self.moves + 2 * bool(self.method.sleep)
-        each = 1 + bool(self.on_meshes) + len(self.flush)
+        listed = 2 * bool(self.method.sleep) + (0 if self.broad.few else 7 + 2 * self.moves)
+        each = 1 + bool(self.on_meshes) + len(self.flush) + bool(self.broad.few)
         return listed * times + each * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
 
     def set(self, path: str, name: str, value, world: int | None) -> bool:
@@ -228,15 +225,17 @@ class Contacts:
     def renew(self, clock: Clock, k: int) -> None:
         """Manifolds of substep k, with their colours: those that are stale, all where pairs are listed."""
         launch, rig, ends, sleep = self.model.launch, self.rig(), self.ends(clock), self.method.sleep
-        listing = k in ends[:-1]
+        listing = k in ends[:-1]                     # else where a body has gone farther than was foreseen
         time = clock.h * (ends[ends.index(k) + 1] - k) if listing else clock.dt / (len(ends) - 1)
-        if listing:
+        before, h = filled(rows.lasts(self.real), **self.arrays()), 0.0 if self.exact else clock.h
+        if self.broad.few:
+            self.broad.list_few(k, time, listing, before, self.status.word(WORD))
+        elif listing:
             if k > 0:
                 self.keep()
             self.broad.list_pairs(k, time, self.status.word(WORD))
         else:
             wp.capture_if(self.work.strayed, self.list_anew, k=k, time=time)
-        before, h = filled(rows.lasts(self.real), **self.arrays()), 0.0 if self.exact else clock.h
         launch(self.collide, self.room, [rig, self.hulls, k, h, before], [])
         if self.on_meshes:
             launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, k, h, before], [])
@@ -288,7 +287,7 @@ class Contacts:
 
     @property
     def in_turn(self) -> int:
-        """Manifolds that found no colour in the last frame: they are solved, but in turn."""
+        """Manifolds without a colour in the last frame, solved in turn."""
         return int(self.status.said(IN_TURN)[0])
 
     def retry(self, status: Status) -> list[Remedy]:
