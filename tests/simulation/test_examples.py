@@ -22,9 +22,8 @@ def test_the_two_halves_of_a_bar_are_told_apart():
 
 
 def test_a_cloth_is_thrown_into_the_frame():
-    """With 25 points the search is longer than with the 81 of the example (129 gradients): 261. It ends 7 mm off at most,
-    and 9 mm off after 160."""
-    found = throw_cloth.run(cells=4, limit=400.0)
+    """With 25 points the search is longer than with the 81 of the example (139 gradients): 663. It ends 13 mm off at most."""
+    found = throw_cloth.run(cells=4, limit=1000.0)
     assert found["converged"] and found["missed"].max() < 0.03 and (found["velocity"] > found["without_air"])[:2].all()
 
 
