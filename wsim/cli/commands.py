@@ -68,6 +68,7 @@ def run(args) -> int:
     began = perf_counter()
     import wsim.usd.result.recorder  # noqa: F401  (USD, to tell its import from the loading)
     from wsim.cli.run import default_output
+    from wsim.simulation.predicted.measured import leave_out
     from wsim.usd.result.dependencies import refuse
 
     args.output = args.output or default_output(args.scene)
@@ -95,7 +96,8 @@ def run(args) -> int:
                     from wsim.show.web import stay
                     began += stay(_say)
             except KeyboardInterrupt:
-                code, job.simulation.settled = INTERRUPTED, None           # estimates take steps of their own
+                code = INTERRUPTED
+                leave_out(job.simulation)
             except Exception as error:
                 if job.recorder.kept and job.recorder.kept not in str(error):
                     progress.clear()

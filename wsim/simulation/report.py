@@ -126,7 +126,8 @@ def _measured(said: dict) -> list[str]:
         return []
     error = "are not known well" if said["error"] is None else f"err by about {percent(said['error'])} of the size"
     more = "; sensitive: small differences grow, and folds come out differently with other steps" if said["sensitive"] else ""
-    return [f"positions {error} after {said['error_frames']} frames{more}"]
+    when = f"after {said['error_frames']} frames" if said["error_frames"] else "as predicted before the run"
+    return [f"positions {error} {when}{more}"]
 
 
 def _value(name: str, value, unit: str | None = None) -> str:

@@ -8,6 +8,7 @@ import pytest
 
 from wsim import Box, Fabric, Plane, Scene, Simulation
 from wsim.simulation.predicted.growth import GROWS, HIT, SEED, SHARE
+from wsim.simulation.predicted.measured import leave_out
 from wsim.simulation.report import text
 
 STIFF = Fabric(stretch=2600.0, shear=1100.0, bend=8e-4, thickness=6.6e-4, density=185.0, poisson=0.2)
@@ -128,3 +129,16 @@ def test_positions_that_are_set_are_not_the_start_of_a_companion():
     sim.set("/c", "positions", sim.positions("/c") + 1.0)
     sim.run(1)
     assert sim.measured is False
+
+
+def test_the_companion_steps_when_the_report_asks_and_says_the_same_whenever_it_does():
+    """Once behind four frames, or behind each of them; a run that is interrupted has what was compared before."""
+    late, often = Simulation(slivers(), device="cpu"), Simulation(slivers(), device="cpu")
+    for _ in range(4):
+        late.step()
+        often.step()
+        said = often.report(False)["predicted"]
+    assert late.measured.companion is None and late.report(False)["predicted"] == said and said["error_frames"] == 4
+    late.step()
+    leave_out(late)
+    assert late.report(False)["predicted"] == said
