@@ -37,7 +37,7 @@ USD = ("physics.rigid.usd", "physics.rigid.joints.usd", "physics.rigid.joints.mo
        "physics.animation.write", "physics.rods.usd", "physics.rods.follow.usd")                       # of methods
 WITHOUT_WARP = ("geometry", "scene", "usd", *USD, "simulation.duration", "simulation.interrupt",
                 "simulation.report", "show.camera", "show.image.png", "show.smoke.read", "show.prim", "show.shading",
-                "show.visible", "cli.arguments", "cli.inventory", "cli.progress")
+                "show.visible", "cli.arguments", "cli.progress")
 ONLY = {"rerun": ("show.viewer", "show.rerun_log"), "pxr": ("usd", "show", *USD), "matplotlib": ("bench", "sweep.pictures"),
         "ray": ("sweep.cluster",), "pyarrow": ("sweep.folder",),
         "torch": ("gradient.rollout.torch",), "jax": ("gradient.rollout.jax",),

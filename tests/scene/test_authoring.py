@@ -48,3 +48,10 @@ def test_a_file_keeps_them(tmp_path):
 def test_what_is_none_is_refused(wrong, said):
     with pytest.raises(SceneError, match=said):
         wrong(everything())
+
+
+def test_a_scene_says_what_it_holds():
+    """In a line, not by its arrays."""
+    said = repr(everything())
+    assert said.startswith("<Scene: 1 collider, 2 bodies, 2 joints, 1 rod prim, 1 fluid, 1 source, 1 liquid, 1 liquid source; ")
+    assert repr(Scene()).startswith("<Scene: nothing; 96 frames of 1/24 s")

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from wsim.cli.inventory import count, inventory
+from wsim.scene.methods import count, inventory
 from wsim.simulation import report as reports
 from wsim.usd.result.as_json import as_json
 

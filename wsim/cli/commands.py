@@ -9,9 +9,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from wsim.cli.examples import examples  # noqa: F401  (a command)
-from wsim.cli.inventory import count
 from wsim.cli.progress import line
 from wsim.cli.schema import schema  # noqa: F401  (a command)
+from wsim.scene.methods import count
 from wsim.simulation import interrupt
 from wsim.simulation import report as reports
 from wsim.simulation.duration import expected

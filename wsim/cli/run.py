@@ -17,10 +17,10 @@ from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from wsim.cli.inventory import count
 from wsim.scene import Collider, Pin, Problem, Scene, SceneError, Surface
 from wsim.scene.check.counts import refuse
 from wsim.scene.curve import Curve, Motion
+from wsim.scene.methods import count
 from wsim.simulation import interrupt
 from wsim.simulation.duration import long_run
 from wsim.simulation.interrupt import whole

@@ -17,7 +17,7 @@ from wsim.scene import solids
 from wsim.scene.attachments import Load, Pin, Tie, Varying, over_time
 from wsim.scene.bodies import CLOTH_MODELS, Cloth, Compared, Skin, Soft, Springs, Unnamed, single
 from wsim.scene.curve import Motion
-from wsim.scene.methods import METHODS, owner, role
+from wsim.scene.methods import METHODS, inventory, owner, role
 from wsim.scene.solids import Box, Capsule, Collider, Cone, Cylinder, Plane, Shape, Sphere, Surface
 
 __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylinder", "Load", "Motion", "Pin", "Plane",
@@ -26,7 +26,7 @@ __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylin
 COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation")      # of a body's shape
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Scene(Compared):
     """A scene: everything there is, as in `Scene(up="Z", fps=30.0, frames=60)`. Frame f is at time f / fps [s] after `start`;
     a substep is h = 1 / fps / substeps.
@@ -93,6 +93,9 @@ class Scene(Compared):
     def __post_init__(self):
         if self.gravity is None:
             self.gravity = (0.0, 0.0, -9.81) if self.up == "Z" else (0.0, -9.81, 0.0)
+
+    def __repr__(self) -> str:
+        return f"<Scene{f' {self.source}' if self.source else ''}: {inventory(self)}>"
 
     def add(self, thing):
         """Adds an object of a method that has no list of its own here. Raises SceneError where no method owns its class."""

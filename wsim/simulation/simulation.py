@@ -104,6 +104,9 @@ class Simulation:
         """Time [s] since the scene's start."""
         return self.frame / self.scene.fps
 
+    def __repr__(self) -> str:
+        return f"<Simulation at frame {self.frame} on {self.device}, {self.precision}, of {self.scene!r}>"
+
     def step(self) -> None:
         """Steps one frame. Raises SceneError when it cannot be finished. Threads may step simulations of their own."""
         with GATE.shared():

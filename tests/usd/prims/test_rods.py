@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from tests.make.usda import Reader, errors
-from wsim.cli.inventory import inventory
 from wsim.kernels.rods.together.coupled import MOST
 from wsim.physics.rods.objects import Rods
 from wsim.physics.selfcontact.start import apart
 from wsim.scene import Box, Motion, Scene, SceneError, Sphere
 from wsim.scene.check.scene import check
+from wsim.scene.methods import inventory
 from wsim.simulation.simulation import Simulation
 
 APIS = '"PhysicsDeformableBodyAPI", "PhysicsCurvesDeformableSimAPI", "WsimRodsAPI"'
