@@ -80,6 +80,16 @@ def meet_grid(word: wp.array(dtype=int), turn: int):
     ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    __syncwarp();
+#endif
+""")
+def meet_warp():
+    """As `meet`, of the 32 threads of a warp."""
+    ...
+
+
 @wp.func
 def alone():
     """As `meet`, of one thread."""

@@ -1,9 +1,9 @@
 """Manifolds of bodies with triangle meshes that stand: of a pair as many as there are normals, ROWS at most.
 
-The first row of a pair has the thread. It walks the mesh's tree for the bounds of the shape, meets each triangle
-(kernels/rigid/narrow/triangle.py), and puts its points into the row whose normal is theirs to ALIKE, else into a new one. Once
-all rows are taken, the row that is least deep makes room for what is deeper. A row keeps four of its points, those of one place
-once: the corners of what the shape stands on, however many triangles it is cut into.
+The first row of a pair has the threads: a warp of a GPU, or one. They walk the mesh's tree for the bounds of the shape, meet a
+triangle each (kernels/rigid/narrow/triangle.py), and in turn put the points into the row whose normal is theirs to ALIKE, else
+into a new one. Once all rows are taken, the row that is least deep makes room for what is deeper. A row keeps four of its
+points, those of one place once: the corners of what the shape stands on, however many triangles it is cut into.
 
     key   a corner of A's face: its own number, so that it lasts from triangle to triangle; else that of the face with it
 
@@ -15,6 +15,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.shape import SPHERE
+from wsim.kernels.math.block import meet_warp
 from wsim.kernels.math.eigen import identity
 from wsim.kernels.math.marks import scratch
 from wsim.kernels.math.real import types
@@ -127,12 +128,11 @@ def gathering(real):
 
 
 @cache
-def walking(kinds: frozenset[str], real):
-    """Function (m, posed, hulls, surfaces, rig): rows of a pair from m on, in A's frame."""
-    t, Rig, Hulls, Surfaces, Posed = types(real), whole(real), hulls(real), surfaces(real), posing(real)[0]
+def walking(kinds: frozenset[str], real, lanes: int):
+    """Function (m, lane, posed, hulls, surfaces, rig): rows of a pair from m on, in A's frame, by so many lanes of a warp."""
+    t, Rig, Posed, Manifold = types(real), whole(real), posing(real)[0], manifold(real)
     bound, seen, met, gathered = bounds(kinds, real), relative(real), against(kinds, real), gathering(real)
-    corners, _normal = reading(real)
-    _radius, size_of = extent(real)
+    Hulls, Surfaces, (corners, _normal), size_of = hulls(real), surfaces(real), reading(real), extent(real)[1]
 
     @wp.func
     def near(low: t.vec3, high: t.vec3, X: t.mat33, margin: real):
@@ -143,7 +143,7 @@ def walking(kinds: frozenset[str], real):
         return wp.abs(wp.dot(n, middle - X[0])) <= wp.dot(wp.abs(n), half) + margin
 
     @wp.func
-    def walk(m: int, p: Posed, H: Hulls, S: Surfaces, rig: Rig):
+    def walk(m: int, lane: int, p: Posed, H: Hulls, S: Surfaces, rig: Rig):
         R, c = seen(p.pose_a, p.pose_b)
         low, high = bound(p.a, H, R)
         own_low, own_high = bound(p.a, H, identity(R))
@@ -154,12 +154,25 @@ def walking(kinds: frozenset[str], real):
         query = wp.mesh_query_aabb(S.id[p.b.row], wp.vec3f(float(low[0]), float(low[1]), float(low[2])),
                                    wp.vec3f(float(high[0]), float(high[1]), float(high[2])))
         face = int(0)
-        while wp.mesh_query_aabb_next(query, face):
-            f = S.first[p.b.row] + face
-            if near(own_low, own_high, corners(S, f, R, c), p.margin):
-                mm = met(p.a, H, S, wp.vec2i(p.b.row, f), R, c, p.margin)
-                if mm.count > 0:
-                    gathered(m, mm, face, size, rig)
+        first = S.first[p.b.row]
+        left = bool(True)
+        while left:
+            mine = int(-1)
+            taken = int(0)
+            while left and taken < lanes:
+                left = wp.mesh_query_aabb_next(query, face)
+                if left:
+                    if near(own_low, own_high, corners(S, first + face, R, c), p.margin):
+                        if taken == lane:
+                            mine = face
+                        taken += 1
+            mm = Manifold()
+            if mine >= 0:
+                mm = met(p.a, H, S, wp.vec2i(p.b.row, first + mine), R, c, p.margin)
+            for turn in range(taken):
+                if turn == lane and mm.count > 0:
+                    gathered(m, mm, mine, size, rig)
+                meet_warp()
 
     return walk
 
@@ -193,14 +206,14 @@ def approach(real):
     return approach
 
 
-def collide_mesh(kinds: frozenset[str], real, module):
-    """Kernel over the rows of a list, behind `rigid_collide`; kinds: of the shapes that meet meshes; h as there."""
+def collide_mesh(kinds: frozenset[str], real, module, lanes: int = 1):
+    """Kernel over the rows of a list, so many threads each, behind `rigid_collide`; kinds: of the shapes that meet meshes; h as
+    there. lanes: 1, or 32 on a GPU."""
     t, Rig, Last, Hulls, Surfaces = types(real), whole(real), lasts(real), hulls(real), surfaces(real)
-    write, (Posed, posed), walk = writing(real), posing(real), walking(kinds, real)
+    write, (Posed, posed), walk = writing(real), posing(real), walking(kinds, real, lanes)
     known, point, poses, keep = write.known, write.point, write.poses, keep_row(real)
     needed, of, prepare, approaching = needing(real), meeting(real), formulas(real)[1], approach(real)
-    block = cores_on_meshes(real)
-    twist, advanced, hurried, margin, size = of.twist, of.advanced, of.hurried, of.margin, of.size
+    block, twist, advanced, hurried, margin, size = cores_on_meshes(real), of.twist, of.advanced, of.hurried, of.margin, of.size
 
     @wp.func
     def first_of_its_pair(m: int, rig: Rig):
@@ -219,18 +232,18 @@ def collide_mesh(kinds: frozenset[str], real, module):
         return found
 
     @wp.func(inline=False)
-    def emptied(m: int, rig: Rig):
-        rows = int(ROWS)
-        for r in range(rows):
+    def emptied(m: int, lane: int, rig: Rig):
+        meet_warp()
+        for r in range(lane, ROWS, lanes):
             rig.c.count[m + r] = 0
+        meet_warp()
 
     @wp.func(inline=False)
-    def written(m: int, k: int, row: int, p: Posed, last: Last, rig: Rig):
+    def written(m: int, lane: int, k: int, row: int, p: Posed, last: Last, rig: Rig):
         """Rows of a pair from A's frame into the world's axes, with their impulses."""
         q = wp.transform_get_rotation(p.pose_a)
         o = wp.transform_get_translation(p.pose_a)
-        rows = int(ROWS)
-        for r in range(rows):
+        for r in range(lane, ROWS, lanes):
             rig.c.colour[m + r] = -1
             if row >= 0:
                 rig.c.colour[m + r] = last.colour[row + r]
@@ -244,7 +257,8 @@ def collide_mesh(kinds: frozenset[str], real, module):
             prepare(m + r, k, rig)
 
     def rigid_collide_mesh(rig: Rig, H: Hulls, S: Surfaces, k: int, h: real, last: Last):
-        m = wp.tid()
+        m = wp.tid() // lanes
+        lane = wp.tid() % lanes
         a = rig.c.a[m]
         if a >= 0 and m + ROWS <= rig.c.a.shape[0]:
             if first_of_its_pair(m, rig):
@@ -257,8 +271,7 @@ def collide_mesh(kinds: frozenset[str], real, module):
                     if whole_list == 1:
                         row = known(m, last, rig)
                     else:
-                        rows = int(ROWS)
-                        for r in range(rows):
+                        for r in range(lane, ROWS, lanes):
                             keep(m + r, rig.c, last)
                     p = posed(m, k, rig)
                     both = twist(m, k, h, rig)
@@ -269,17 +282,18 @@ def collide_mesh(kinds: frozenset[str], real, module):
                     steps = int(STEPS)
                     for _step in range(steps):
                         q = advanced(p, both, time, m, rig)
-                        emptied(m, rig)
-                        walk(m, q, H, S, rig)
+                        emptied(m, lane, rig)
+                        walk(m, lane, q, H, S, rig)
                         if not fast:
                             break
                         least, more = approaching(m, both, q, rig)
                         if least <= real(TOUCHES) * size(m, rig) or more < real(0.0) or time + more > real(LATER) * h:
                             break
                         time += more
-                    if fast and rig.s.kind[a] != SPHERE:
+                    if fast and rig.s.kind[a] != SPHERE and lane == 0:
                         block(m, q, both, h, S, rig)
-                    written(m, k, row, q, last, rig)
+                    meet_warp()
+                    written(m, lane, k, row, q, last, rig)
         elif a >= 0 and rig.s.kind[rig.c.b[m]] == MESH:
             rig.c.count[m] = 0                          # no room for all rows of its pair
 

@@ -20,7 +20,7 @@ def collide_all(pairs, real, module):
     return COLLIDE(ALL, real, module)
 
 
-def collide_mesh_all(kinds, real, module):
+def collide_mesh_all(kinds, real, module, lanes=1):
     """Instead of `wsim.kernels.rigid.lists.collide_mesh.collide_mesh`."""
     assert kinds <= ON_MESHES, kinds - ON_MESHES
-    return COLLIDE_MESH(ON_MESHES, real, module)
+    return COLLIDE_MESH(ON_MESHES, real, module, lanes)

@@ -64,7 +64,8 @@ class Contacts:
         self.pairs = frozenset(p for p in met if p[1] != "mesh")
         pairs, tiles, meet = self.pairs | with_cores(self.pairs), seams(b.scene), partial(collide_mesh.collide_mesh, on_meshes)
         self.collide = collide.collide(pairs, real, shared("rigid_pairs", *sorted(pairs)))
-        self.on_meshes = meet(real, shared("rigid_meshes", *sorted(on_meshes))) if on_meshes else None
+        self.lanes = lanes = 32 if self.device.is_cuda else 1                         # threads of a pair with a mesh
+        self.on_meshes = meet(real, shared("rigid_meshes", *sorted(on_meshes), lanes), lanes) if on_meshes else None
         self.flush = flush.flush(tiles - {"mesh"}, real, shared("rigid_seams", *sorted(tiles))) if tiles else []
         self.form = forms.chosen(b.model.device, self.shapes)
         self.form.make(b.model, self.bouncing, method.joints.islands if method.joints else 0)
@@ -238,7 +239,7 @@ class Contacts:
             wp.capture_if(self.work.strayed, self.list_anew, k=k, time=time)
         launch(self.collide, self.room, [rig, self.hulls, k, h, before], [])
         if self.on_meshes:
-            launch(self.on_meshes, self.room, [rig, self.hulls, self.surfaces, k, h, before], [])
+            launch(self.on_meshes, self.room * self.lanes, [rig, self.hulls, self.surfaces, k, h, before], [])
         for kernel in self.flush:
             launch(kernel, self.room, [rig, self.hulls, k] if kernel is self.flush[0] else [rig], [])
         if sleep and listing:
