@@ -208,6 +208,9 @@ class Method:
     def meet(self, others: "Methods") -> None:
         """Connects itself with what other methods of the plan offer, when all are made."""
 
+    def reserve(self) -> None:
+        """Makes lists longer than they begin, so that they do not run out while somebody watches: see `Simulation.prepare`."""
+
     def retry(self, status: Status) -> list[Remedy]:
         """Remedies for what the frame that has just ended lacked, by this method's own words of the status; none: it holds."""
         return []

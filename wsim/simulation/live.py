@@ -29,8 +29,10 @@ if TYPE_CHECKING:
 
 
 def prepare(sim: Simulation) -> None:
-    """Compiles kernels and captures all graphs: see `Simulation.prepare`."""
+    """Compiles kernels, makes lists longer and captures all graphs: see `Simulation.prepare`."""
     sim.load()
+    for method in sim.plan.methods if not sim.graphs.log else ():
+        method.reserve()
     retry.begin(sim)
     capture_forms(sim)
 

@@ -193,7 +193,8 @@ class Simulation:
         return self.graphs.get(self.plan.clock.free)
 
     def prepare(self) -> None:
-        """Compiles, and captures every form of a frame, so that none to come does: for live use, when motions were set once."""
+        """Compiles, captures every form of a frame, and makes lists of near surfaces longer, so that no frame to come captures
+        and few are repeated: for live use, when motions were set once."""
         from wsim.simulation import live
         with GATE.alone():
             live.prepare(self)

@@ -245,6 +245,11 @@ class Contact(Method):
             return f"at least {faces} faces of meshes are near a point, more than there was room for" if grown else ""
         return [Remedy("grow", act) for act, some in ((grow, wanted), (lists, faces > points.room)) if some]
 
+    def reserve(self) -> None:
+        from wsim.physics.contact.broad import MOST, roomier
+        if self.contacts.points.room:
+            roomier(self.contacts.points, MOST)
+
     def resumed(self, time: float) -> None:
         self.contacts.time, self.contacts.owed = time, True
         if self.clearance:

@@ -218,6 +218,10 @@ class Strands(Method):
         if self.touching:
             self.touching.often, self.touching.fresh = False, True
 
+    def reserve(self) -> None:
+        if self.touching:
+            self.touching.fits(self.touching.near.capacity + 1, 0)
+
     def restored(self, fields) -> None:
         if self.touching and self.touching.memory:
             self.touching.memory.make_room(len(fields.get(self.table.pairs[0][0].path, {}).get("pair0", (0,))))

@@ -255,6 +255,10 @@ class SelfContact(Method):
             return [Remedy("stop", part="points", row=int(said[cut.WHERE]) - 1, why=why)]
         return []
 
+    def reserve(self) -> None:
+        if self.near.widen(self.near.capacity):
+            self.room()
+
     def grow(self, wanted: int) -> str:
         before = self.near.capacity
         if wanted <= before:
