@@ -33,6 +33,12 @@ class Team:
     before: wp.array2d(dtype=wp.vec3d)              # places before a correction is taken [m]
     ids: wp.array(dtype=wp.vec4i)                   # points of pairs, and their weights; only where edges touch each other
     b: wp.array(dtype=wp.vec4d)
+    # kernels/rods/together/reduced.py, where there is room for it:
+    chosen: wp.array2d(dtype=int)                   # pairs that press, (worlds, PAIRS)
+    number: wp.array(dtype=int)                     # of a pair among them
+    where: wp.array3d(dtype=int)                    # node at which a column is eliminated, -1: none, (worlds, steps, COLUMNS)
+    path: wp.array3d(dtype=wp.float64)              # v and D^-1 v there, (worlds, 16 steps, COLUMNS)
+    compliance: wp.array3d(dtype=wp.float64)        # W [m/N], (worlds, COLUMNS, COLUMNS)
 
 
 @cache

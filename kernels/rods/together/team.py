@@ -22,6 +22,7 @@ from wsim.kernels.rods.together.borne import pulled, pushed, solved
 from wsim.kernels.rods.together.conjugate import GAIN, ROUNDS
 from wsim.kernels.rods.together.coupled import ACTIVE, GOING, Coupled, judge
 from wsim.kernels.rods.together.nodes import Team, assemble
+from wsim.kernels.rods.together.reduced import go_reduced
 from wsim.kernels.rods.together.reduction import factor, solve
 from wsim.kernels.rods.together.rounds import SMALL, go_rounds
 from wsim.kernels.rods.together.warps import greatest, warp_sum
@@ -250,6 +251,9 @@ def correcting(threads: int, bearing: bool, module: str):
         turning = pressed and rho > wp.float64(0.0)
         count = G.first[w + 1] - G.first[w]
         if not wp.static(bearing):
+            if turning:
+                rounds = go_reduced(S, T, G, P, A, rho, wp.vec3i(lane, wp.static(threads), w))
+                turning = rounds == 0
             if turning and A.most[w] * count <= wp.static(SMALL):
                 rounds = go_rounds(S, T, G, P, A, rho, wp.vec3i(G.first[w], count, A.most[w]))
                 turning = False

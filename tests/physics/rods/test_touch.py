@@ -219,9 +219,11 @@ def test_odd_even_reduction_errs_by_rounding_alone(n):
 @pytest.mark.parametrize("far", [0, 14])
 def test_a_block_of_threads_finds_what_a_thread_a_strand_does(far, monkeypatch):
     """Two ropes that are thrown at each other, a short one between them, in two worlds: iterations end at 1e-6 of an edge, 12
-    substeps. far: ropes that meet nothing, with which vectors have no room in shared memory."""
-    def places(team: bool) -> tuple[np.ndarray, np.ndarray, float]:
+    substeps. far: ropes that meet nothing, with which vectors have no room in shared memory. Gradients in the motions of pairs
+    that press are those in all points."""
+    def places(team: bool, room: int = together.ROOM) -> tuple[np.ndarray, np.ndarray, float]:
         monkeypatch.setattr(together, "TEAM", team)
+        monkeypatch.setattr(together, "ROOM", room)
         made, rods = thrown(1, speed=4.0)
         t = np.linspace(0.02, 0.2, 6)
         made.add(Rods("/short", np.stack([t, 0.3 * t, 0.0 * t], axis=1), [6], THICK, young=1e7, self_collision=True))
@@ -231,6 +233,7 @@ def test_a_block_of_threads_finds_what_a_thread_a_strand_does(far, monkeypatch):
             made.add(Rods("/zfar", apart, [N] * far, THICK, young=1e7, self_collision=True))
         simulation = Simulation(made, device="cpu", worlds=2)
         method, pressed = simulation.plan.method("rods"), 0.0
+        assert not team or bool(method.touching.team.chosen) == (room > 0)
         for _ in range(3):
             simulation.step()
             pressed = max(pressed, method.indicators(None, None)["rod_pressed"])
@@ -238,9 +241,10 @@ def test_a_block_of_threads_finds_what_a_thread_a_strand_does(far, monkeypatch):
         each = len(order) // 2
         long, short = (np.stack([method.points(k)[0] for k in order[first::each]]) for first in range(2))
         return long, short, pressed
-    one, other, again = places(True), places(False), places(True)
+    one, other, again, whole = places(True), places(False), places(True), places(True, 0)
     assert one[2] > 0.0
     for k in range(2):                                                                # ropes, and the short one
         assert np.array_equal(one[k], again[k])
         assert np.array_equal(one[k][0], one[k][1])                                   # of both worlds
         assert np.abs(one[k] - other[k]).max() < 12 * 1e-6 * 0.0625
+        assert np.abs(one[k] - whole[k]).max() < 1e-11

@@ -14,6 +14,7 @@ from wsim.kernels.rods import tables
 from wsim.kernels.rods.tables import Step
 from wsim.kernels.rods.together import conjugate, coupled, nodes, team
 from wsim.kernels.rods.together.ends import begins, ends
+from wsim.kernels.rods.together.reduced import COLUMNS, PAIRS
 from wsim.kernels.rods.together.reduction import MATRICES, SIZE
 from wsim.model.launches import Launches
 from wsim.model.stage import Clock, Remedy
@@ -45,6 +46,7 @@ class Ground(Launches):
 
 
 TEAM: bool | None = None      # a block of threads a world; None: on a GPU, of fewer than FEW strands
+ROOM = 1 << 28                # bytes for what presses among the unknowns of worlds; else rounds are of all points
 FEW = 512                     # strands: with as many, a thread each costs no more than a block for all
 
 
@@ -96,6 +98,12 @@ class Together:
             nodes.Team, parts=zeros((6, *two), dtype=wp.mat44d), sides=zeros((3, *two), dtype=wp.vec4d),
             nodes=zeros((MATRICES, SIZE, size), dtype=wp.float64), work=zeros(2 * size, dtype=wp.float64),
             most=self.ground.upload(most, int), sums=zeros(worlds, dtype=wp.vec3d), before=zeros(two, dtype=wp.vec3d))
+        steps = int(most.max() - 1).bit_length() + 1
+        presses = any(rods.self_collision for rods in self.strands.model.scene.things("Rods")) and not bodies
+        if presses and 8 * worlds * COLUMNS * (COLUMNS + 16 * steps) <= ROOM:
+            self.team.chosen, self.team.where = zeros((worlds, PAIRS), dtype=int), zeros((worlds, steps, COLUMNS), dtype=int)
+            self.team.path = zeros((worlds, 16 * steps, COLUMNS), dtype=wp.float64)
+            self.team.compliance = zeros((worlds, COLUMNS, COLUMNS), dtype=wp.float64)
 
     def _coupled(self, worlds: int) -> None:
         t, zeros = self.table, self.zeros

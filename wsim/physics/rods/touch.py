@@ -133,7 +133,7 @@ class Touching(Together):
         self.pressed.on, self.pressed.ons = zeros((points, self.deep), dtype=int), zeros(points, dtype=int)
         self.corners = self.near.pairs.b
         if self.team:
-            self.team.ids, self.team.b = self.near.pairs.ids, self.corners
+            self.team.ids, self.team.b, self.team.number = self.near.pairs.ids, self.corners, zeros(n, dtype=int)
         self.old, self.saved = made(MEMORY), made(MEMORY)
         self.old_ids, self.saved_ids = (zeros(n, dtype=wp.vec4i) for _ in range(2))
 

@@ -1,0 +1,267 @@
+"""Conjugate gradients (kernels/rods/together/conjugate.py, without rigid bodies) in the motions of pairs that press: a few.
+
+    U       (unknowns, 6 pairs): weights by which a pair's two edges move, three directions each;   A = M + U C U^T
+    C       swaps the edges of a pair, and has its stiffness K
+
+Residuals and directions are combinations of few vectors, so that a round needs no solve of strands:
+
+    r = a r_0 + U s,   z = M^-1 r = a z_0 + M^-1 U s,   c = U^T z = a c_0 + W s,   W = U^T M^-1 U,   c_0 = U^T z_0
+    r.z = a^2 r_0.z_0 + s.(a c_0 + c);   of a direction p = (a_p, s_p), c_p:   A p = a_p r_0 + U (s_p + C c_p)
+
+and the correction is x = a_x z_0 + M^-1 U s_x, one solve at the end. The rounds are those of conjugate.py but for rounding.
+
+W comes of the factors (kernels/rods/together/reduction.py). A column of U stands at an edge, one node or two beside each other,
+and still does when every other node is eliminated. So in each step it is eliminated at one node o at most:
+
+    W_ij = sum over steps where both have the same o of  v_i . D_o^-1 v_j          v: what is left of the column at o
+
+A thread has a column, and then entries of W. On 135 points a round of all points takes 9 us (H200), and there are up to 35.
+"""
+
+import warp as wp
+
+from wsim.kernels.rods.tables import Pressed, Strands, Trial
+from wsim.kernels.rods.together.conjugate import GAIN, ROUNDS
+from wsim.kernels.rods.together.coupled import Coupled
+from wsim.kernels.rods.together.nodes import Team
+from wsim.kernels.rods.together.pressing import list_pairs
+from wsim.kernels.rods.together.reduction import PLACES, solve
+
+PAIRS = 32               # of a world that press, at most
+COLUMNS = 6 * PAIRS
+
+_COLUMN = """
+    auto product = [=](const double* matrix, const double* v, double* out) {
+        #pragma unroll
+        for (int i = 0; i < 8; ++i) {
+            double a = 0.0;
+            #pragma unroll
+            for (int c = 0; c < 8; ++c) a += matrix[c * column + i] * v[c];
+            out[i] = a;
+        }
+    };
+    #pragma unroll 1
+    for (int e = lane; e < n; e += lanes) {
+        const int pair = chosen[e / 6], side = 2 * ((e / 3) % 2), d = e % 3;
+        const int p = A.ids.data[pair][side], p1 = A.ids.data[pair][side + 1];
+        const int i = p / m, k = p - i * m, has = (number[k] + 1) / 2;
+        const double b = S.hold.data[p] < 0 ? A.b.data[pair][side] : 0.0;
+        const double b1 = S.hold.data[p1] < 0 ? A.b.data[pair][side + 1] : 0.0;
+        const bool within = i % 2 == 0;                          // both points are of one node
+        double own[8], next[8], v[8], u[8];                      // of nodes j and j + s
+        #pragma unroll
+        for (int c = 0; c < 8; ++c) {
+            own[c] = c == (within ? d : 4 + d) ? b : within && c == 4 + d ? b1 : 0.0;
+            next[c] = !within && c == d ? b1 : 0.0;
+        }
+        int j = i / 2, level = 0;
+        #pragma unroll 1
+        for (int s = 1; ; s *= 2, ++level) {
+            const bool root = s >= most, odd = root || (j / s) % 2 == 1;
+            const int o = odd ? j : j + s, place = (o * m + k) * 8;
+            bool some = false;
+            #pragma unroll
+            for (int c = 0; c < 8; ++c) {
+                v[c] = odd ? own[c] : next[c];
+                some = some || v[c] != 0.0;
+            }
+            where[level * room + e] = some ? o * m + k : -1;
+            if (some) {
+                product(inverse + place, v, u);
+                #pragma unroll
+                for (int c = 0; c < 8; ++c) {
+                    path[((2 * level) * 8 + c) * room + e] = v[c];
+                    path[((2 * level + 1) * 8 + c) * room + e] = u[c];
+                }
+            }
+            if (root) break;
+            if (some) {
+                product(left_rows + place, v, u);                // to node o - s
+                #pragma unroll
+                for (int c = 0; c < 8; ++c) {
+                    if (odd) own[c] = 0.0; else next[c] = 0.0;
+                    own[c] -= u[c];
+                }
+                if (o + s < has) {
+                    product(right_rows + place, v, u);
+                    #pragma unroll
+                    for (int c = 0; c < 8; ++c) next[c] -= u[c];
+                }
+            } else if (odd) {                                    // nothing is left of the column at j
+                #pragma unroll
+                for (int c = 0; c < 8; ++c) own[c] = 0.0;
+            }
+            if (odd) j -= s;
+        }
+        steps = level + 1;
+    }
+"""
+
+_REDUCED = """
+    const auto& points = S.points;
+    const auto& nodes = A.nodes;
+    const int first = at[0], count = at[1], most = at[2], world = at[3];
+""" + PLACES + f"""
+    const int n = 6 * pairs, room = {COLUMNS};
+    const double gain = {float(GAIN.val if hasattr(GAIN, "val") else GAIN)!r}, rho0 = rho;
+    const int rounds_at_most = {int(ROUNDS)};
+#if defined(__CUDA_ARCH__)
+    const int EACH = 1, warps = lanes / 32;
+    __shared__ double shared_s[{COLUMNS}], shared_c[{COLUMNS}], part[2][32];
+    int turn = 0;
+#else
+    const int EACH = {COLUMNS};
+    double shared_s[{COLUMNS}], shared_c[{COLUMNS}];
+#endif
+""" + """
+    auto sum = [&](double a) {
+#if defined(__CUDA_ARCH__)
+        for (int o = 16; o > 0; o >>= 1) a += __shfl_xor_sync(0xffffffffu, a, o);
+        if (lane % 32 == 0) part[turn][lane / 32] = a;
+        __syncthreads();
+        a = 0.0;
+        for (int k = 0; k < warps; ++k) a += part[turn][k];
+        turn = 1 - turn;                                         // two in turn: the next sum needs no meeting before it
+#endif
+        return a;
+    };
+    int steps = 1;
+    while ((1 << (steps - 1)) < most) ++steps;
+    const int* const chosen = A.chosen.data + world * (room / 6);
+    const size_t levels = A.where.shape[1];
+    int* const where = A.where.data + world * levels * room;
+    double* const path = A.path.data + world * levels * 16 * room;
+    double* const W = A.compliance.data + (size_t)world * room * room;
+    TEAM_MEETS();
+""" + _COLUMN.replace("        steps = level + 1;\n", "") + """
+    TEAM_MEETS();
+    #pragma unroll 1
+    for (int t = lane; t < n * n; t += lanes) {
+        const int e = t / n, f = t - e * n;
+        if (f < e) continue;
+        double a = 0.0;
+        #pragma unroll 1
+        for (int l = 0; l < steps; ++l) {
+            const int o = where[l * room + e];
+            if (o < 0 || o != where[l * room + f]) continue;
+            #pragma unroll
+            for (int c = 0; c < 8; ++c) a += path[((2 * l + 1) * 8 + c) * room + e] * path[((2 * l) * 8 + c) * room + f];
+        }
+        W[e * room + f] = a;
+        W[f * room + e] = a;
+    }
+    double s[EACH], s_p[EACH], s_x[EACH], c[EACH], c_0[EACH], c_p[EACH], g[EACH];
+    #pragma unroll
+    for (int y = 0; y < EACH; ++y) {
+        const int e = lane + y * lanes;
+        s[y] = s_p[y] = s_x[y] = c_0[y] = 0.0;
+        if (e < n) {
+            const int pair = chosen[e / 6], side = 2 * ((e / 3) % 2), d = e % 3;
+            for (int h = side; h < side + 2; ++h) {
+                const int p = A.ids.data[pair][h];
+                if (S.hold.data[p] < 0) c_0[y] += A.b.data[pair][h] * G.p.data[p][d];
+            }
+        }
+        c[y] = c_p[y] = c_0[y];
+    }
+    double a = 1.0, a_p = 1.0, a_x = 0.0;
+    int rounds = 0;
+    const double least = gain * rho;
+    TEAM_MEETS();
+    for (bool turning = true; turning; ) {
+        for (int y = 0; y < EACH; ++y)
+            if (lane + y * lanes < n) shared_c[lane + y * lanes] = c_p[y];
+        TEAM_MEETS();
+        double total = 0.0;
+        for (int y = 0; y < EACH; ++y) {
+            const int e = lane + y * lanes;
+            g[y] = 0.0;
+            if (e >= n) continue;
+            const int other = (e / 6) * 6 + ((e / 3) % 2 == 0 ? 3 : 0);
+            const auto& K = P.K.data[chosen[e / 6]];
+            for (int d = 0; d < 3; ++d) g[y] += K.data[e % 3][d] * shared_c[other + d];
+            total += s_p[y] * (a_p * c_0[y] + c_p[y]) + c_p[y] * g[y];
+        }
+        total = sum(total) + a_p * a_p * rho0;
+        const double alpha = total > 0.0 ? rho / total : 0.0;
+        a_x += alpha * a_p;
+        a -= alpha * a_p;
+        for (int y = 0; y < EACH; ++y) {
+            s_x[y] += alpha * s_p[y];
+            s[y] -= alpha * (s_p[y] + g[y]);
+            if (lane + y * lanes < n) shared_s[lane + y * lanes] = s[y];
+        }
+        TEAM_MEETS();
+        total = 0.0;
+        for (int y = 0; y < EACH; ++y) {
+            const int e = lane + y * lanes;
+            if (e >= n) continue;
+            double four[4] = {a * c_0[y], 0.0, 0.0, 0.0};
+            for (int f = 0; f < n; f += 2) {                     // n is even
+                four[0] += W[f * room + e] * shared_s[f];
+                four[1] += W[(f + 1) * room + e] * shared_s[f + 1];
+            }
+            c[y] = four[0] + four[1];
+            total += s[y] * (a * c_0[y] + c[y]);
+        }
+        total = sum(total) + a * a * rho0;
+        const double beta = total / rho;
+        rho = total;
+        ++rounds;
+        turning = rho > least && rounds < rounds_at_most && alpha != 0.0;
+        a_p = a + beta * a_p;
+        for (int y = 0; y < EACH; ++y) {
+            s_p[y] = s[y] + beta * s_p[y];
+            c_p[y] = c[y] + beta * c_p[y];
+        }
+    }
+    for (int y = 0; y < EACH; ++y)
+        if (lane + y * lanes < n) shared_c[lane + y * lanes] = s_x[y];
+    TEAM_MEETS();
+    #pragma unroll 1
+    for (int t = lane; t < 2 * most * count; t += lanes) {       // U s_x, a point a thread
+        int i;
+        const int k = strand_of(t, i), point = i * m + k;
+        if (i >= number[k]) continue;
+        double f[4] = {0.0, 0.0, 0.0, 0.0};
+        if (S.hold.data[point] < 0)
+            for (int j = 0; j < P.ons.data[point]; ++j) {
+                const int slot = P.on.data[point * P.on.shape[1] + j], pair = slot >> 2, corner = slot & 3;
+                const double* const x = shared_c + 6 * A.number.data[pair] + (corner < 2 ? 0 : 3);
+                for (int d = 0; d < 3; ++d) f[d] += A.b.data[pair][corner] * x[d];
+            }
+        for (int d = 0; d < 4; ++d) G.r.data[point][d] = f[d];
+    }
+    TEAM_MEETS();
+    #undef TEAM_MEETS
+    #undef RECIPROCAL_ROOT
+    return wp::vec_t<2, double>(a_x, rounds);
+"""
+
+
+@wp.func_native(_REDUCED)
+def reduce_rounds(S: Strands, G: Coupled, P: Pressed, A: Team, rho: wp.float64, at: wp.vec4i, pairs: int) -> wp.vec2d:
+    """(a_x, rounds) of at[1] strands from at[0] on, of at[2] nodes at most, of world at[3], whose pairs are listed; U s_x into
+    G.r. G.p: z_0; rho: r_0 . z_0. All threads of a block come, and meet at the end."""
+    ...
+
+
+@wp.func
+def go_reduced(S: Strands, T: Trial, G: Coupled, P: Pressed, A: Team, rho: wp.float64, at: wp.vec3i):
+    """All rounds of world at[2] by thread at[0] of at[1], and the correction into G.x; how many, 0 where there are too many
+    pairs. G.p, rho: see `reduce_rounds`."""
+    first = G.first[at[2]]
+    count = G.first[at[2] + 1] - first
+    pairs = int(0)
+    if A.chosen:
+        pairs = list_pairs(S, G, P, A, at[0], at[1], at[2])
+    if pairs == 0:
+        return 0
+    found = reduce_rounds(S, G, P, A, rho, wp.vec4i(first, count, A.most[at[2]], at[2]), pairs)
+    solve(S.points, A.nodes, A.work, G.r, T.z, first, count, A.most[at[2]])
+    for t in range(at[0], count * S.length.shape[0], at[1]):
+        i = t / count
+        k = first + t - i * count
+        if i < S.points[k]:
+            G.x[i, k] = T.z[i, k] + G.p[i, k] * found[0]
+    return int(found[1])
