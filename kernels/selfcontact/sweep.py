@@ -31,7 +31,7 @@ WORDS = 5              # where blocks meet; rows that take part and points that 
 @cache
 def orders(real):
     """(How, Touched): structs of what a call asks for, and of contacts with colliders."""
-    t = types(real)
+    t, (Held, _) = types(real), holding(real)
     Rows, Points = tables(real)
     Slots = slots(real)
 
@@ -48,6 +48,7 @@ def orders(real):
         threads: int                              # of all blocks
         words: wp.array(dtype=int)                # (WORDS,), 0 before the launch
         moved: wp.array(dtype=int)                # points that pairs move, in no order
+        held: wp.array(dtype=Held)                # pairs that take part, as many as are not read anew in each sweep
 
     @wp.struct
     class Touched:
@@ -182,8 +183,16 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
                     write(held, near.on[j], near)
             j += span[1]
         while j < span[2]:
-            other, change = act(at, hold(s, at, how.climb, turn, near.on[j], near, to), how.climb, turn, lead, to)
-            write(other, near.on[j], near)
+            other = Held()
+            if j < how.held.shape[0]:
+                other = how.held[j]
+            else:
+                other = hold(s, at, how.climb, turn, near.on[j], near, to)
+            other, change = act(at, other, how.climb, turn, lead, to)
+            if j < how.held.shape[0]:
+                how.held[j] = other
+            if span[3] > 0 or j >= how.held.shape[0]:
+                write(other, near.on[j], near)
             most = wp.max(most, change)
             j += span[1]
         return held, most
@@ -222,6 +231,10 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
                 met = together(few, how, met)
                 active = how.words[1 + side]
                 moved = how.words[3 + side]
+                j = int(lane)
+                while j < wp.min(active, how.held.shape[0]):
+                    how.held[j] = hold(s, at, how.climb, turn, near.on[j], near, to)
+                    j += every
                 if wp.static(many):
                     if lane < active:
                         held = hold(s, at, how.climb, False, near.on[lane], near, to)

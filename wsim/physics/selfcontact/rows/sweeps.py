@@ -9,6 +9,7 @@ import wsim.kernels.selfcontact.sweep as kernels
 from wsim.kernels.math.block import CLUSTERS
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import rows
+from wsim.kernels.selfcontact.couple import holding
 from wsim.model.structs import filled
 from wsim.physics.motion.cluster import large
 from wsim.physics.selfcontact.modules import sweeps
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 TOGETHER = True                  # one launch; tests compare
 BLOCKS, CLUSTER = 64, (16, 8)    # blocks, which surely run at once; those of a cluster where as many were run, and elsewhere
+
+HELD = 1 << 14                   # pairs that a CPU keeps as sweeps read them
 
 
 class Sweeps:
@@ -37,6 +40,7 @@ class Sweeps:
             self.cluster = CLUSTER[not large(device)] if device.arch >= CLUSTERS else 0
         self.words = wp.zeros(kernels.WORDS, dtype=int, device=device)
         self.moved = wp.zeros(method.surfaces.total, dtype=int, device=device)
+        self.held = wp.zeros(0 if device.is_cuda else HELD, dtype=holding(real)[0], device=device)
         self.kernel: Any = None
 
     def fits(self) -> bool:
@@ -89,7 +93,7 @@ class Sweeps:
             c, free = contact.contacts, contact.contacts.count
             touch = filled(Touched, rows=c.table, points=c.points, slots=c.slots, push=c.push)
         how = filled(How, climb=rows.RECOVERY * clock.h, calm=rows.CALM * clock.h, count=count, anew=anew, leads=int(leads),
-                     spared=spared, free=free, threads=self.blocks * self.block, words=self.words, moved=self.moved,
+                     spared=spared, free=free, threads=self.blocks * self.block, words=self.words, moved=self.moved, held=self.held,
                      g=contact.step(clock) if contact else clock.g)
         self.words.zero_()
         self.model.launch_blocks(self.kernel, self.blocks, self.block, [method.surfaces.data, at, how, touch, near.table,
