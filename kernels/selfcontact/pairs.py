@@ -34,6 +34,7 @@ WORDS = 28
 # Of a row: weights; normal and distance there; push and distance that the pair keeps; push that the sweep before made, from
 # which the next leads ahead
 B, NORMAL, PUSH, PRIOR = range(4)
+Box = wp.types.matrix((4, 3), wp.float32)        # low and high corner where tubes begin, the same where they end [m]
 
 
 @cache
@@ -105,6 +106,34 @@ class Candidates:
     capacity: int
     count: wp.array(dtype=int)                    # (1,); may be more than there is room for
     pair: wp.array(dtype=wp.vec2i)                # (point, triangle), or (edge, -1 - edge), (capacity,)
+
+
+@wp.struct
+class Tree:
+    leaves: int
+    item: wp.array(dtype=int)            # the triangle or edge of a leaf, -1: none, (worlds * leaves,)
+    box: wp.array(dtype=Box)             # (worlds * 2 * leaves,)
+    front: wp.array(dtype=int)           # of walks on a CPU: nodes of two levels, (2 * leaves,)
+
+
+@wp.struct
+class Look:
+    """A tree, and what looks into it: several share a launch, the threads of each from `first` on."""
+    first: int
+    kind: int                            # 0: points that look, or a tree of triangles; 1: edges; 2: those of the tree itself
+    shares: int                          # threads that share a walk, a power of two
+    order: wp.array(dtype=int)           # what looks, -1: none; what the tree is of, where it is fitted
+    into: Tree
+
+
+@wp.func
+def looking(looks: wp.array(dtype=Look), j: int):
+    """Number of the one that thread j is of."""
+    n = int(0)
+    for m in range(1, looks.shape[0]):
+        if j >= looks[m].first:
+            n = m
+    return n
 
 
 @cache

@@ -21,6 +21,7 @@ from wsim.kernels.selfcontact.tubes import MANY, NARROW, frames
 REST = 0.4
 ROUND = 1.005          # of tubes, for rounding
 AMONG = 2              # kind of edges that look for edges behind them
+SIDE_BY_SIDE = 8       # what looks together on a CPU: it stands together
 CANDIDATES = 3         # that there is more room for with each pair
 
 
@@ -96,8 +97,7 @@ def listing(real):
 def meet(real, module, levels=False):
     """Kernel: candidates, points and triangles or edges and edges whose boxes meet and that share no point. looks: who looks
     where, of which the edges of kind AMONG see those behind them; widest: what pairs keep at most [m]. levels: walks go level
-    by level, as is faster on a CPU; they find the same in the same order. Else threads share a walk: each has the nodes below
-    one of so many."""
+    by level, SIDE_BY_SIDE at once, as is faster on a CPU. Else threads share a walk: each has what is below one of so many."""
     Surfaces, Frames = pairs.surfaces(real), frames(real)
     _, about = tree.boxes(real)
 
@@ -116,36 +116,72 @@ def meet(real, module, levels=False):
             if slot < out.capacity:
                 out.pair[slot] = wp.vec2i(i, k)
 
-    @wp.kernel(module=module, enable_backward=False)
-    def boxes_meet(s: Surfaces, f: Frames, looks: wp.array(dtype=tree.Look), widest: float,
-                   out_at: wp.array(dtype=pairs.Candidates)):
-        out = out_at[0]
-        look = looks[tree.looking(looks, wp.tid())]
-        kind, shares, into, count = look.kind, look.shares, look.into, look.order.shape[0]
-        j = (wp.tid() - look.first) % count
-        i = look.order[j]
-        if i < 0:
-            return
+    @wp.func
+    def side(s: Surfaces, kind: int, i: int):
+        """Points of what looks."""
         a = i
         b = i
         if kind != closest.POINT:
             a = s.edge[i][0]
             b = s.edge[i][1]
-        ours = about(f, a, b, b)
-        room = widest * float(f.part[0])
-        root = s.world[a] * 2 * into.leaves
-        if wp.static(levels):
-            behind = wp.where(kind == AMONG, j % into.leaves, -1)
-            for m in range(tree.met(ours, into.box, root, into.leaves, behind, room, into.front)):
-                tell(s, kind, i, a, b, into.item[root / 2 + into.front[m] - into.leaves], out)
+        return a, b
+
+    @wp.func
+    def whole(s: Surfaces, f: Frames, look: tree.Look, first: int, world: int):
+        """(box about what looks from `first` on and is of a world, where it ends): of SIDE by SIDE at most."""
+        end = wp.min(first - first % SIDE_BY_SIDE + SIDE_BY_SIDE, look.order.shape[0])
+        found = tree.Box()
+        j = int(first)
+        while j < end:
+            i = look.order[j]
+            if i >= 0:
+                a, b = side(s, look.kind, i)
+                if s.world[a] != world:
+                    end = j
+                elif j == first:
+                    found = about(f, a, b, b)
+                else:
+                    found = tree.joined(found, about(f, a, b, b))
+            j += 1
+        return found, end
+
+    @wp.func
+    def meet_beside(s: Surfaces, f: Frames, look: tree.Look, first: int, room: float, out: pairs.Candidates):
+        """What looks from `first` on walks through the tree together; where it ends."""
+        into = look.into
+        a, b = side(s, look.kind, look.order[first])
+        world = s.world[a]
+        root = world * 2 * into.leaves
+        box, end = whole(s, f, look, first, world)
+        among = look.kind == AMONG
+        count = tree.met(box, into.box, root, into.leaves, wp.where(among, first % into.leaves, -1), room, into.front)
+        for j in range(first, end):
+            i = look.order[j]
+            if i >= 0:
+                a, b = side(s, look.kind, i)
+                after = wp.where(among, j % into.leaves, -1)
+                some = tree.picked(about(f, a, b, b), into.box, root, into.leaves, after, room, into.front, count)
+                for m in range(some):
+                    tell(s, look.kind, i, a, b, into.item[root / 2 + into.front[into.leaves + m] - into.leaves], out)
+        return end
+
+    @wp.func
+    def meet_alone(s: Surfaces, f: Frames, look: tree.Look, thread: int, room: float, out: pairs.Candidates):
+        """The part of a walk that a thread of those that share it has."""
+        into, shares, j = look.into, look.shares, thread % look.order.shape[0]
+        i = look.order[j]
+        if i < 0:
             return
-        node = shares + (wp.tid() - look.first) / count         # the top of what this thread sees
+        a, b = side(s, look.kind, i)
+        ours = about(f, a, b, b)
+        root = s.world[a] * 2 * into.leaves
+        node = shares + thread / look.order.shape[0]      # the top of what this thread sees
         trail = int(0)
         leaf = into.leaves + j % into.leaves
         over = leaf / (into.leaves / shares)              # the node beside it that the leaf itself is below
-        if kind == AMONG and node < over:
+        if look.kind == AMONG and node < over:
             return
-        if kind == AMONG and node == over:
+        if look.kind == AMONG and node == over:
             trail = tree.later(ours, into, root, leaf, node, room)
             node, trail = tree.back(leaf, trail)
         elif tree.apart(ours, tree.box(into.box, root + node), room):
@@ -159,8 +195,25 @@ def meet(real, module, levels=False):
                 else:
                     node, trail = tree.back(node, trail)
             else:
-                tell(s, kind, i, a, b, into.item[root / 2 + node - into.leaves], out)
+                tell(s, look.kind, i, a, b, into.item[root / 2 + node - into.leaves], out)
                 node, trail = tree.back(node, trail)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def boxes_meet(s: Surfaces, f: Frames, looks: wp.array(dtype=tree.Look), widest: float,
+                   out_at: wp.array(dtype=pairs.Candidates)):
+        look = looks[tree.looking(looks, wp.tid())]
+        room = widest * float(f.part[0])
+        thread = wp.tid() - look.first
+        if wp.static(levels):
+            j = thread * SIDE_BY_SIDE
+            end = wp.min(j + SIDE_BY_SIDE, look.order.shape[0])
+            while j < end:
+                if look.order[j] >= 0:
+                    j = meet_beside(s, f, look, j, room, out_at[0])
+                else:
+                    j += 1
+        else:
+            meet_alone(s, f, look, thread, room, out_at[0])
 
     return boxes_meet
 

@@ -8,8 +8,8 @@ in each sweep. Few rows are a cluster's, whose blocks meet in a fraction of the 
 Results do not depend on which thread comes first: points sum in whole numbers, and each is moved by one thread.
 """
 
-# Device code: an outer `if` on a Python bool drops its branch before it is compiled.
-# ruff: noqa: SIM102, UP018
+# Device code: an outer `if` on a Python bool drops its branch before it is compiled; `a if c else b` works out both.
+# ruff: noqa: SIM102, SIM108, UP018
 
 from functools import cache
 
@@ -183,15 +183,18 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
                     write(held, near.on[j], near)
             j += span[1]
         while j < span[2]:
+            kept = bool(wp.static(not many)) and j < how.held.shape[0]
             other = Held()
-            if j < how.held.shape[0]:
-                other = how.held[j]
-            else:
+            if wp.static(not many):
+                if kept:
+                    other = how.held[j]
+            if not kept:
                 other = hold(s, at, how.climb, turn, near.on[j], near, to)
             other, change = act(at, other, how.climb, turn, lead, to)
-            if j < how.held.shape[0]:
-                how.held[j] = other
-            if span[3] > 0 or j >= how.held.shape[0]:
+            if wp.static(not many):
+                if kept:
+                    how.held[j] = other
+            if span[3] > 0 or not kept:
                 write(other, near.on[j], near)
             most = wp.max(most, change)
             j += span[1]
@@ -231,10 +234,9 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
                 met = together(few, how, met)
                 active = how.words[1 + side]
                 moved = how.words[3 + side]
-                j = int(lane)
-                while j < wp.min(active, how.held.shape[0]):
-                    how.held[j] = hold(s, at, how.climb, turn, near.on[j], near, to)
-                    j += every
+                if wp.static(not many):
+                    for j in range(wp.min(active, how.held.shape[0])):
+                        how.held[j] = hold(s, at, how.climb, turn, near.on[j], near, to)
                 if wp.static(many):
                     if lane < active:
                         held = hold(s, at, how.climb, False, near.on[lane], near, to)

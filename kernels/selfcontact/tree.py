@@ -18,40 +18,12 @@ import warp as wp
 
 from wsim.kernels.math.block import meet
 from wsim.kernels.selfcontact import pairs
+from wsim.kernels.selfcontact.pairs import Box, Look, Tree, looking
 from wsim.kernels.selfcontact.tubes import frames
 
 ROUNDED = 2.0 ** -22                     # of coordinates, that boxes are larger by: results of a few operations in float32
 BLOCK = 512                              # threads of a block that joins boxes
 BITS = 10                                # of places along an axis
-Box = wp.types.matrix((4, 3), wp.float32)        # low and high corner where tubes begin, the same where they end [m]
-
-
-@wp.struct
-class Tree:
-    leaves: int
-    item: wp.array(dtype=int)            # the triangle or edge of a leaf, -1: none, (worlds * leaves,)
-    box: wp.array(dtype=Box)             # (worlds * 2 * leaves,)
-    front: wp.array(dtype=int)           # of walks on a CPU: nodes of two levels, (2 * leaves,)
-
-
-@wp.struct
-class Look:
-    """A tree, and what looks into it: several share a launch, the threads of each from `first` on."""
-    first: int
-    kind: int                            # 0: points that look, or a tree of triangles; 1: edges; 2: those of the tree itself
-    shares: int                          # threads that share a walk, a power of two
-    order: wp.array(dtype=int)           # what looks, -1: none; what the tree is of, where it is fitted
-    into: Tree
-
-
-@wp.func
-def looking(looks: wp.array(dtype=Look), j: int):
-    """Number of the one that thread j is of."""
-    n = int(0)
-    for m in range(1, looks.shape[0]):
-        if j >= looks[m].first:
-            n = m
-    return n
 
 
 @wp.func_native("""
@@ -121,7 +93,7 @@ def back(node: int, trail: int):
     return here + 1, left - 1
 
 
-@wp.func_native("""
+LANES = """
     typedef float four __attribute__((ext_vector_type(4), aligned(4)));
     typedef int each __attribute__((ext_vector_type(4)));
     const float* p = &a.data[0][0];
@@ -133,6 +105,10 @@ def back(node: int, trail: int):
         const each apart = ((a0 - b1 > room) & (a2 - b3 > room)) | ((b0 - a1 > room) & (b2 - a3 > room));
         return __builtin_reduce_or(apart & each{-1, -1, -1, 0}) == 0 ? 1 : 0;
     };
+"""
+
+
+@wp.func_native(LANES + """
     int *now = front.data, *next = now + leaves, count = 0, path = 1;
     if (after < 0) {
         now[0] = 1;
@@ -162,6 +138,19 @@ def back(node: int, trail: int):
 def met(a: Box, of: wp.array(dtype=Box), root: int, leaves: int, after: int, room: float, front: wp.array(dtype=int)) -> int:
     """Number of leaves that a box meets, which stand in order in `front`: level by level, without a branch that depends on a
     box, since a CPU takes longer to guess wrong than to look. after: only leaves behind that one, -1: all."""
+
+
+@wp.func_native(LANES + """
+    int *const found = front.data + leaves, n = 0;
+    for (int k = 0; k < count; ++k) {
+        found[n] = front.data[k];
+        n += front.data[k] > leaves + after ? meets(front.data[k]) : 0;
+    }
+    return n;
+""")
+def picked(a: Box, of: wp.array(dtype=Box), root: int, leaves: int, after: int, room: float, front: wp.array(dtype=int),
+           count: int) -> int:
+    """As `met`, but of the first `count` nodes in `front`; they stand behind the first `leaves` places there."""
 
 
 @wp.func

@@ -76,16 +76,16 @@ class Trees:
         self.lay, self.meet = kernels.lay(model.real, core(model)), search.meet(model.real, core(model), model.device.is_cpu)
         self.leaves, self.fitted = self._looks([(tree.kind, tree.tree.item, k, 1) for k, tree in enumerate(trees)])
         each = [(kind, order, k, self.shares(len(order), trees[k].leaves)) for kind, order, k in searches]
-        self.seekers, self.looks = self._looks(each)
+        self.seekers, self.looks = self._looks(each, search.SIDE_BY_SIDE if model.device.is_cpu else 1)
         self.join: Any = None                    # of a block for each tree
         if model.device.is_cuda and max(tree.leaves for tree in trees) <= LARGE:
             name = f"{core(model)}_trees"
             model.modules[name] = kernels.BLOCK
             self.join = kernels.join_all(name)
 
-    def _looks(self, rows: list[tuple[int, wp.array, int, int]]) -> tuple[int, wp.array]:
-        """Threads of a launch, and what they do: kind, what looks, its tree, threads that share a walk."""
-        first = np.cumsum([0, *(shares * len(order) for _, order, _, shares in rows)])
+    def _looks(self, rows: list[tuple[int, wp.array, int, int]], each: int = 1) -> tuple[int, wp.array]:
+        """Threads of a launch, and what they do: kind, what looks, its tree, threads that share a walk. each: of one."""
+        first = np.cumsum([0, *(-(-shares * len(order) // each) for _, order, _, shares in rows)])
         looks = [filled(kernels.Look, first=int(n), kind=kind, shares=shares, order=order, into=self.each[k].tree)
                  for n, (kind, order, k, shares) in zip(first[:-1], rows, strict=True)]
         return int(first[-1]), wp.array(looks, dtype=kernels.Look, device=self.model.device)

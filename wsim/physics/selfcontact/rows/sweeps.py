@@ -93,8 +93,8 @@ class Sweeps:
             c, free = contact.contacts, contact.contacts.count
             touch = filled(Touched, rows=c.table, points=c.points, slots=c.slots, push=c.push)
         how = filled(How, climb=rows.RECOVERY * clock.h, calm=rows.CALM * clock.h, count=count, anew=anew, leads=int(leads),
-                     spared=spared, free=free, threads=self.blocks * self.block, words=self.words, moved=self.moved, held=self.held,
-                     g=contact.step(clock) if contact else clock.g)
+                     spared=spared, free=free, threads=self.blocks * self.block, words=self.words, moved=self.moved,
+                     held=self.held, g=contact.step(clock) if contact else clock.g)
         self.words.zero_()
         self.model.launch_blocks(self.kernel, self.blocks, self.block, [method.surfaces.data, at, how, touch, near.table,
                                                                         near.words], [near.sums])
