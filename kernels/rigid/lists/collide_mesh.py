@@ -6,8 +6,6 @@ into a new one. Once all rows are taken, the row that is least deep makes room f
 points, those of one place once: the corners of what the shape stands on, however many triangles it is cut into.
 
     key   a corner of A's face: its own number, so that it lasts from triangle to triangle; else that of the face with it
-
-Triangles whose plane the shape is farther above than the margin are passed over.
 """
 
 from functools import cache
@@ -17,7 +15,7 @@ import warp as wp
 from wsim.kernels.contact.shape import SPHERE
 from wsim.kernels.math.block import meet_warp
 from wsim.kernels.math.eigen import identity
-from wsim.kernels.math.marks import scratch
+from wsim.kernels.math.marks import called, scratch
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impulse import formulas
@@ -88,6 +86,7 @@ def gathering(real):
                 rig.c.n[row] = n
         return row
 
+    @called
     @wp.func
     def gathered(m: int, mm: Manifold, face: int, size: real, rig: Rig):
         gap_m = mm.gap[0]

@@ -16,6 +16,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.shape import PLANE, SPHERE
+from wsim.kernels.math.marks import called
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.lists.manifold import manifold
@@ -136,7 +137,8 @@ def cores_on_meshes(real):
                     n = wp.where(S.sided[p.b.row] == 1, t.vec3(), -n)
         return wp.transpose(R) * n
 
-    @wp.func(inline=False)
+    @called
+    @wp.func
     def block(m: int, p: Posed, both: Twist, h: real, S: Surfaces, rig: Rig):
         core = rig.s.core[rig.c.a[m]]
         n = t.vec3()

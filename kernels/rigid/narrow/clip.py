@@ -19,7 +19,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from wsim.kernels.math.marks import scratch
+from wsim.kernels.math.marks import called, scratch
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.lists.manifold import making, manifold, reduction
 
@@ -232,7 +232,8 @@ def contact(real, corners: int, outer: bool = False):
             which = 0
         return which
 
-    @wp.func(inline=False)
+    @called
+    @wp.func
     def contact(PA: vec3s, a: Side, PB: vec3s, b: Side, near: Nearest, margin: real, size: real):
         m = Manifold()
         which = reference(PA, a, PB, b, near, size)

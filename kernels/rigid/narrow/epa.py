@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.math.eigen import rounding
-from wsim.kernels.math.marks import scratch
+from wsim.kernels.math.marks import called, scratch
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.capsule import finishing
 from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
@@ -218,7 +218,8 @@ def penetration(kinds: frozenset[str], real):
             vertices += 1
         return nearest_of(pa, pa - depth * n, -n, -depth, radii, left)
 
-    @wp.func(inline=False)
+    @called
+    @wp.func
     def penetration(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: vec3, d: vec3):
         V = scratch(shape=(VERTICES,), dtype=vec3)
         A = scratch(shape=(VERTICES,), dtype=vec3)

@@ -11,6 +11,7 @@ import warp as wp
 
 from wsim.kernels.contact.shape import BOX, CAPSULE, CONE, CYLINDER
 from wsim.kernels.math.eigen import rounding
+from wsim.kernels.math.marks import called
 from wsim.kernels.math.real import types
 from wsim.kernels.rigid.narrow.shape import FLAT, HULL, TRIANGLE, hulls, shape
 
@@ -156,6 +157,7 @@ def face(kinds: frozenset[str], real):
     has_box, has_capsule, has_cylinder, has_cone, has_hull, has_triangle = (
         name in kinds for name in ("box", "capsule", "cylinder", "cone", "hull", "triangle"))
 
+    @called
     @wp.func
     def face(s: Shape, H: Hulls, d: t.vec3, P: wp.array(dtype=t.vec3)):
         count = int(1)

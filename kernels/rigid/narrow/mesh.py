@@ -8,6 +8,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.math.marks import called
 from wsim.kernels.math.real import types
 from wsim.kernels.math.rotation import matrix
 from wsim.kernels.rigid.narrow.shape import extent, hulls, shape, support
@@ -61,6 +62,7 @@ def bounds(kinds: frozenset[str], real):
     farthest = support(kinds, real)
     radius, _size = extent(real)
 
+    @called
     @wp.func
     def bounds(a: Shape, H: Hulls, R: t.mat33):
         low = t.vec3()

@@ -111,6 +111,7 @@ def completion(kinds: frozenset[str], real, outer: bool = False):
         """Whether it has a line or a rim that lies where the normal says: on a face, along the normal of that."""
         return kind == CYLINDER or kind == CONE
 
+    @called
     @wp.func
     def completed(a: Shape, b: Shape, H: Hulls, R: t.mat33, p: t.vec3, near: Nearest, margin: real):
         m = Manifold()

@@ -16,6 +16,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.shape import BOX, CAPSULE, CONE, CYLINDER, PLANE, SPHERE
+from wsim.kernels.math.marks import called
 from wsim.kernels.math.real import types
 
 HULL, TRIANGLE, MESH = 8, 9, 10          # further kinds; 6 and 7 are meshes of points (kernels/contact/mesh.py)
@@ -97,6 +98,7 @@ def support(kinds: frozenset[str], real):
         i = int(wp.argmax(far))
         return X[i]
 
+    @called
     @wp.func
     def support(s: Shape, H: Hulls, d: t.vec3):
         p = t.vec3()

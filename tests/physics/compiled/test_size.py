@@ -13,7 +13,7 @@ from warp._src import codegen
 from wsim.kernels.rigid import passes
 from wsim.kernels.rigid.complementarity.converged import converged
 from wsim.kernels.rigid.joint.passes import linked
-from wsim.kernels.rigid.narrow.epa import penetration
+from wsim.kernels.rigid.narrow.gjk import descent
 from wsim.kernels.rigid.passes import substeps
 from wsim.model.compiler import variants
 
@@ -32,7 +32,7 @@ def test_each_pass_is_called_at_one_place_of_a_kernel_of_substeps(factory):
 
 
 def test_functions_that_stand_by_themselves_do_so_on_a_cpu_and_nowhere_else():
-    function = penetration(frozenset({"hull"}), wp.float32)
+    function = descent(frozenset({"hull"}), wp.float32)
     assert function.inline_hint == variants.APART
     with variants.single():
         assert getattr(codegen, variants.WORDS).get(function.inline_hint)
