@@ -26,34 +26,12 @@ from types import SimpleNamespace
 import warp as wp
 
 from wsim.kernels.collider import segment
+from wsim.kernels.collider.colliders import colliders
 from wsim.kernels.collider.nearest import nearest
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.math.real import types
 
 FIXED = 3                # steps of the fixed point: each leaves the part of a place that a mesh stretches by in a frame
-
-
-@cache
-def colliders(real):
-    """Struct of the table, one row each."""
-    t = types(real)
-
-    @wp.struct
-    class Colliders:
-        kind: wp.array(dtype=int)          # as kernels/contact has it, (rows,)
-        size: wp.array(dtype=t.vec3)       # [m]
-        mesh: wp.array(dtype=wp.uint64)    # of a surface
-        thick: wp.array(dtype=real)        # thickness that it keeps all around [m]
-        friction: wp.array(dtype=t.vec2)   # static, dynamic [1]
-        restitution: wp.array(dtype=real)  # [1]
-        place: wp.array(dtype=t.vec3)      # p [m] at the start of the frame
-        turn: wp.array(dtype=t.quat)       # R, (x, y, z, w)
-        speed: wp.array(dtype=t.vec3)      # V [m/s]
-        spin: wp.array(dtype=t.vec3)       # W [rad/s]
-        owner: wp.array(dtype=int)         # number of the rigid body that it is a part of; -1: none
-        screw: int                         # 1: they go by screws
-
-    return Colliders
 
 
 @cache
@@ -75,7 +53,7 @@ def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
     def turned(c: C, k: int, time: real):
         way = time * c.spin[k]
         angle = wp.length(way)
-        q = c.turn[k]
+        q = wp.transform_get_rotation(c.pose[0, k])
         if angle > real(0.0):
             q = wp.quat_from_axis_angle(way / angle, angle) * q
         return q
@@ -96,7 +74,7 @@ def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
                 b = (angle - wp.sin(angle)) / (angle * angle * angle)
             turn = wp.cross(f, way)
             way = way + a * turn + b * wp.cross(f, turn)
-        return c.place[k] + way
+        return wp.transform_get_translation(c.pose[0, k]) + way
 
     @wp.func(inline=False)
     def local(c: C, k: int, y: t.vec3, time: real):
@@ -141,7 +119,7 @@ def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
         r = y - center(c, k, time)
         v = c.speed[k] + wp.cross(c.spin[k], r)
         if c.screw != 0:
-            v = c.speed[k] + wp.cross(c.spin[k], y - c.place[k])
+            v = c.speed[k] + wp.cross(c.spin[k], y - wp.transform_get_translation(c.pose[0, k]))
         if wp.static(forming):
             if c.kind[k] >= SOLID:
                 q = turned(c, k, time)

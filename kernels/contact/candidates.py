@@ -102,7 +102,7 @@ def refresh(real):
                 moved += float(c.stride[later, row])
             spare = AHEAD * float(end - k) * float(wp.length(ends[1] - ends[0])) + float(0.5) * float(c.skin) + moved
             tries = int(0)
-            while make(c.mesh[row], L, s, i, q, float(near) + moved + spare, moved) > L.room and tries < HALVES:
+            while make(c.of.mesh[row], L, s, i, q, float(near) + moved + spare, moved) > L.room and tries < HALVES:
                 spare *= float(0.5)
                 tries += 1
             if L.count[at] > L.room:
@@ -139,9 +139,9 @@ def far(real):
             return True
         most = float(near) + AWAY * (float(wp.length(ends[1] - ends[0])) + float(c.stride[k, row])) + float(c.skin)
         dist = float(most)
-        found = wp.mesh_query_point_no_sign(c.mesh[row], q, most)
+        found = wp.mesh_query_point_no_sign(c.of.mesh[row], q, most)
         if found.result:
-            dist = wp.length(q - wp.mesh_eval_position(c.mesh[row], found.face, found.u, found.v))
+            dist = wp.length(q - wp.mesh_eval_position(c.of.mesh[row], found.face, found.u, found.v))
         L.place[at] = q
         L.radius[at] = dist - SLACK * dist - rounded
         if float(near) + rounded <= L.radius[at]:
@@ -230,7 +230,7 @@ def touch_listed(kinds: tuple[str, ...], real):
 
     @wp.func
     def touch_listed(c: Rows, L: Any, row: int, i: int, deep: int, ends: wp.types.matrix((2, 3), real), reach: t.vec2):
-        kind, mesh, s = c.kind[row], c.mesh[row], L.slot[row]
+        kind, mesh, s = c.of.kind[row], c.of.mesh[row], L.slot[row]
         q1 = ends[1]
         most = float(reach[0] + reach[1])
         C = real(1.0e30)
@@ -246,7 +246,7 @@ def touch_listed(kinds: tuple[str, ...], real):
             face, near = nearest(mesh, L, s, i, q, most)
         if has_solid:
             if kind == SOLID and deep != 0:
-                wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(most, float(c.size[row][0])))
+                wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(most, float(c.of.size[row][0])))
                 if wound.result:
                     face = wound.face
                     sign = wound.sign

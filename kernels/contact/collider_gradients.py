@@ -33,8 +33,8 @@ def turned_back(step: Any, T0: Any, f: Any):
 @wp.func
 def seen(c: Any, row: int, k: int, N: Any, W: Any):
     """Gradients in the frame of a collider, in rows: by n, by where it is touched and by slip, from N and W."""
-    R1 = wp.transform_get_rotation(c.pose[k + 1, row])
-    back = turned_back(c.step[k, row], c.pose[k, row], W)
+    R1 = wp.transform_get_rotation(c.of.pose[k + 1, row])
+    back = turned_back(c.of.step[k, row], c.of.pose[k, row], W)
     return wp.matrix_from_rows(wp.quat_rotate_inv(R1, N), back, wp.quat_rotate_inv(R1, W))
 
 
@@ -42,8 +42,8 @@ def seen(c: Any, row: int, k: int, N: Any, W: Any):
 def moved(c: Any, row: int, k: int, x: Any, d: Any, G: Any, at: Any):
     """Gradients by the collider's motion in substep k, in parts of the frame: rows as in `ways`. Rows of G: by start and end of
     the path, by n and by the way; of at: n, where the surface is touched, and its own way."""
-    T0 = c.pose[k, row]
-    T1 = c.pose[k + 1, row]
+    T0 = c.of.pose[k, row]
+    T1 = c.of.pose[k + 1, row]
     y0 = x - wp.transform_get_translation(T0)
     y1 = (x - wp.transform_get_translation(T1)) + d
     z0 = wp.quat_rotate(wp.transform_get_rotation(T0), at[1])
@@ -53,7 +53,7 @@ def moved(c: Any, row: int, k: int, x: Any, d: Any, G: Any, at: Any):
     w0 = -wp.cross(y0, G[0]) - wp.cross(z0, G[3])
     w1 = -wp.cross(y1, G[1]) + wp.cross(z1, G[3]) + wp.cross(at[0], G[2])
     one = type(x[0])(1.0)
-    part = one / type(x[0])(c.pose.shape[0] - 1)
+    part = one / type(x[0])(c.of.pose.shape[0] - 1)
     b0 = part * type(x[0])(k)
     b1 = part * type(x[0])(k + 1)
     e0 = one - b0

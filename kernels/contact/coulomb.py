@@ -159,7 +159,7 @@ def turn(real, module):
             state = int(0)
             stop = t.vec3()
             if pressed > real(0.0):
-                mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                 way, rate = slid(n, d, a[i] + g * s.u[j])
                 turned = wp.dot(way, T) > real(0.0) or wp.length(T - way) <= mu[1 - first] * pressed
                 if (out.bears[j] != wp.static(STICKS) and not turned) or mu[0] == real(0.0):
@@ -209,7 +209,7 @@ def bear(real, module):
                 before = wp.where(found != 0, wp.static(SOLVED), out.bears[j])
                 if presses(lam, gap, wp.dot(P, n), before):
                     over += (own * gap) * n
-                    mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                    mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                     state, tangent, rate, way, push = law(n, o.d[i], o.a[i] + s.u[j] / o.rate, left, own, mu, P, before)
                     S = filtered(S, n)
                     if state == wp.static(STICKS):

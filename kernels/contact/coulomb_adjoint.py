@@ -156,7 +156,7 @@ def pushed_adjoint(real, module):
                     left = o.f[i] - (o.d[i] - o.b[i]) / share
                     for before in range(slot):
                         left += of.push[before * s.points + i] / share
-                    mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                    mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                     Gb, gn, gd, gw, gmu, _H = wp.grad(taken)(left, s.n[j], o.d[i], o.a[i] + s.u[j] / o.rate, mu[1], G + Q)
                     G = Gb - Q
                     by.n[j] = by.n[j] + gn
@@ -189,7 +189,7 @@ def leaves(real):
             if bears[j] != 0:
                 n = s.n[j]
                 way, rate = slid(n, o.d[i], o.a[i] + s.u[j] / o.rate)
-                mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                 left -= wp.dot(n, left) * (n - (mu[1] * rate) * way)
                 S = filtered(S, n)
         return left, S
@@ -228,7 +228,7 @@ def held_adjoint(real, module):
                 z = t.vec3()
             elif fixed.bears[j] == wp.static(SLIDES):
                 left, S = before(c, points, s, o, fixed.bears, i, slot)
-                mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                 Sn = S * n
                 size = inverse(wp.dot(n, Sn))
                 nu = size * wp.dot(Sn, z)

@@ -190,12 +190,12 @@ def gauge(kinds: tuple[str, ...], real, module):
                 o = points.object[i]
                 x0 = x[i]
                 for row in range(c.first[o], c.first[o + 1]):
-                    T = c.pose[k, row]
+                    T = c.of.pose[k, row]
                     q = wp.quat_rotate_inv(wp.transform_get_rotation(T), x0 - wp.transform_get_translation(T))
-                    r = points.reach[i] + c.gap[row]
-                    kind = c.kind[row]
-                    size = c.size[row]
-                    C = away(kind, size, c.mesh[row], q, r)
+                    r = points.reach[i] + c.of.thick[row]
+                    kind = c.of.kind[row]
+                    size = c.of.size[row]
+                    C = away(kind, size, c.of.mesh[row], q, r)
                     kept = wp.max(kept, -C)
                     if kind != SHEET:
                         solid = wp.max(solid, -C - r)
@@ -229,18 +229,18 @@ def sink(kinds: tuple[str, ...], real, module):
             o = points.object[corners[j, 0]]
             X = wp.matrix_from_rows(x[corners[j, 0]], x[corners[j, 1]], x[corners[j, 2]])
             for row in range(c.first[o], c.first[o + 1]):
-                kind = c.kind[row]
+                kind = c.of.kind[row]
                 if kind == SHEET or not near(c.ball[k - 1, row], X):
                     continue
-                T = c.pose[k, row]
-                size = c.size[row]
+                T = c.of.pose[k, row]
+                size = c.of.size[row]
                 Y = t.mat33()
                 put = int(0)
                 for corner in range(3):
                     q = wp.quat_rotate_inv(wp.transform_get_rotation(T), X[corner] - wp.transform_get_translation(T))
                     Y[corner] = q
                     if points.w[corners[j, corner]] == real(0.0):
-                        put |= int(away(kind, size, c.mesh[row], q, real(0.0)) < real(0.0))
+                        put |= int(away(kind, size, c.of.mesh[row], q, real(0.0)) < real(0.0))
                 if put != 0:
                     continue
                 if convex:
@@ -248,7 +248,7 @@ def sink(kinds: tuple[str, ...], real, module):
                         worst = wp.max(worst, -of_convex(kind, size, Y, -worst))
                 if meshes:
                     if kind == SOLID:
-                        worst = wp.max(worst, -of_mesh(c.mesh[row], size[0], Y, -worst))
+                        worst = wp.max(worst, -of_mesh(c.of.mesh[row], size[0], Y, -worst))
         depth_out[lane] = worst
 
     return wp.kernel(sink, name=name, module=module, enable_backward=False)

@@ -39,6 +39,7 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.collider.colliders import colliders
 from wsim.kernels.math.marks import own
 from wsim.kernels.math.real import differentiable, types
 
@@ -48,19 +49,14 @@ TOUCHED, SUNK = 1, 2                   # bits of a point's mark: in contact in t
 
 @cache
 def tables(real):
-    """(Rows, Points): structs of what collides, written by the host before a frame, read by kernels."""
-    t = types(real)
+    """(Rows, Points): structs of what collides, written by the host before a frame, read by kernels. Rows: those of the table
+    of colliders (kernels/collider/colliders.py), and how a point finds its own among them."""
+    t, Colliders = types(real), colliders(real)
 
     @wp.struct
     class Rows:
+        of: Colliders                             # moments are the ends of substeps; places count from the object's origin
         first: wp.array(dtype=int)                # rows of object o: first[o] .. first[o + 1], (objects + 1,)
-        kind: wp.array(dtype=int)                 # number in collide.KINDS, (rows,)
-        size: wp.array(dtype=t.vec3)              # [m], see distance; meshes: greatest depth inside, (rows,)
-        mesh: wp.array(dtype=wp.uint64)           # Warp's mesh, (rows,)
-        gap: wp.array(dtype=t.scalar)             # distance that the collider keeps [m], (rows,)
-        friction: wp.array(dtype=t.vec2)          # static, dynamic, (rows,)
-        pose: wp.array2d(dtype=t.transform)       # to the object's origin, at substep k, (substeps + 1, rows)
-        step: wp.array2d(dtype=t.transform)       # translation and turn during substep k, (substeps, rows)
         ball: wp.array2d(dtype=t.vec4)            # centre, radius [m] that hold it during substep k, (substeps, rows)
         chord: wp.array(dtype=t.scalar)           # how much nearer than points their edges may touch it [m], (rows,)
         stride: wp.array2d(dtype=t.scalar)        # greatest motion in its own frame in substep k [m], (substeps, rows)
@@ -209,7 +205,7 @@ def projecting(real):
         for slot in range(s.count[i]):
             j = slot * s.points + i
             n = s.n[j]
-            mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+            mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
             d1, P, pressed = meet(n, s.b[j], a, g * s.u[j], push[j], d1, mu, soft)
             if pressed > real(0.0):
                 touched = TOUCHED

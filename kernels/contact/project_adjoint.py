@@ -82,7 +82,7 @@ def project_adjoint(real, module):
 
     @wp.func
     def friction(c: Rows, points: Points, s: Slots, i: int, j: int):
-        return real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+        return real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
 
     def back(c: Rows, points: Points, s: Slots, at: Read, o: Grads, g: real):
         i = wp.tid()

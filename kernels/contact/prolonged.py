@@ -143,7 +143,7 @@ def even(real, module):
                     P = at.push[j]
                     if wp.dot(P, n) > real(0.0):
                         w = ahead(s, j, before)
-                        mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                        mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                         v, J, _ = meet(n, -wp.dot(n, w), t.vec3(), w, rest_out[j] + P / c.h, v, mu, t.vec3())
                         rest_out[j] = J - P / c.h
             v_out[i] = v

@@ -20,6 +20,7 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.collider.colliders import frames
 from wsim.kernels.contact import collide
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, read, slots, tables
@@ -38,34 +39,6 @@ def reachable(ball: Any, x: Any, bound: Any):
     """Whether a ball (centre, radius) comes within `bound` of x; not where x is no number."""
     away = x - type(x)(ball[0], ball[1], ball[2])
     return wp.dot(away, away) < (ball[3] + bound) * (ball[3] + bound)
-
-
-@cache
-def frames(real):
-    """(inside, outside), functions that lead into the frame of a collider that goes from T0 to T1, and back.
-
-    inside  (T0, T1, x, d) -> (q0, q1), a point that moves by d
-    outside (T0, T1, step, m, p, slip) -> (n, way), a normal, and how far the surface moves that is touched at p. With
-            y = R0 p and the turn (v, w) of the step, (R - 1) y = 2 w (v x y) + 2 v x (v x y), without cancellation."""
-    t = types(real)
-
-    @wp.func
-    def inside(T0: t.transform, T1: t.transform, x: t.vec3, d: t.vec3):
-        q0 = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - wp.transform_get_translation(T0))
-        q1 = wp.quat_rotate_inv(wp.transform_get_rotation(T1), (x - wp.transform_get_translation(T1)) + d)
-        return q0, q1
-
-    @wp.func
-    def outside(T0: t.transform, T1: t.transform, step: t.transform, m: t.vec3, p: t.vec3, slip: t.vec3):
-        R1 = wp.transform_get_rotation(T1)
-        y = wp.quat_rotate(wp.transform_get_rotation(T0), p)
-        turn = wp.transform_get_rotation(step)
-        v = t.vec3(turn[0], turn[1], turn[2])
-        across = wp.cross(v, y)
-        rigid = real(2.0) * (turn[3] * across + wp.cross(v, across)) + wp.transform_get_translation(step)
-        return wp.quat_rotate(R1, m), rigid + wp.quat_rotate(R1, slip)
-
-    return inside, outside
 
 
 @cache
@@ -168,25 +141,25 @@ def against(kinds: tuple[str, ...], real, listed: bool = False, cleared: bool = 
         row = at[0]
         i = at[1]
         k = at[2]
-        T0 = c.pose[k, row]
-        T1 = c.pose[k + 1, row]
+        T0 = c.of.pose[k, row]
+        T1 = c.of.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
         margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-        r = points.reach[i] + c.gap[row] - c.width                     # the hard contact behind a potential
+        r = points.reach[i] + c.of.thick[row] - c.width                     # the hard contact behind a potential
         if cleared:
-            if c.kind[row] >= SOLID and deep == 0:
+            if c.of.kind[row] >= SOLID and deep == 0:
                 if is_far(c, points, row, i, k, wp.matrix_from_rows(q0, q1), margin + r):
                     return real(1.0e30), margin, real(0.0), t.vec3(), t.vec3()
-        C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
+        C, m, p, s0, slip = touch(c.of.kind[row], c.of.size[row], c.of.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
         if listed:
-            if c.kind[row] >= SOLID:
+            if c.of.kind[row] >= SOLID:
                 ends = wp.matrix_from_rows(q0, q1)
                 refresh(c, points, row, i, k, ends, margin + r)
                 C, m, p, s0, slip = among(c, points, row, i, deep, ends, t.vec2(r, margin))
         n = t.vec3()
         way = t.vec3()
         if C < margin:
-            n, way = outside(T0, T1, c.step[k, row], m, p, slip)
+            n, way = outside(T0, T1, c.of.step[k, row], m, p, slip)
         return C, margin, s0, n, way
 
     return against

@@ -23,13 +23,13 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.collider.colliders import frames
 from wsim.kernels.contact import collide, mesh
 from wsim.kernels.contact.collide import NEWTON_LIMIT, done, onward
 from wsim.kernels.contact.collider_gradients import corners, moved, seen
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import slots, tables
 from wsim.kernels.contact.project_adjoint import grads, read
-from wsim.kernels.contact.search import frames
 from wsim.kernels.contact.shape import distance
 from wsim.kernels.math.real import types
 
@@ -159,13 +159,13 @@ def met(kinds: tuple[str, ...], real):
 
     @wp.func
     def met(c: Rows, points: Points, i: int, row: int, k: int, x: vec3, d: vec3):
-        T0 = c.pose[k, row]
-        T1 = c.pose[k + 1, row]
+        T0 = c.of.pose[k, row]
+        T1 = c.of.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
         margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-        r = points.reach[i] + c.gap[row] - c.width
-        C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], 1, q0, q1, r, t.vec2(margin, c.width))
-        n, way = outside(T0, T1, c.step[k, row], m, p, vec3())
+        r = points.reach[i] + c.of.thick[row] - c.width
+        C, m, p, s0, slip = touch(c.of.kind[row], c.of.size[row], c.of.mesh[row], 1, q0, q1, r, t.vec2(margin, c.width))
+        n, way = outside(T0, T1, c.of.step[k, row], m, p, vec3())
         out = wp.min(wp.max(-s0, real(0.0)), c.recovery * c.h)
         return wp.matrix_from_rows(q0, q1), t.vec4(r, margin, -s0, out), wp.matrix_from_rows(n, p, slip)
 
@@ -225,20 +225,20 @@ def search_adjoint(kinds: tuple[str, ...], real, module, kept: bool = False):
             W = o.u[j] / c.h
             by = t.vec2(gb, overlap(gb, wp.dot(K, n) - gb, how, c.recovery * c.h))
             G = seen(c, row, k, N, W)
-            kind = c.kind[row]
+            kind = c.of.kind[row]
             g = t.mat33()
             if convex:                                        # not in a function: see `convex_adjoint`
                 if kind < SOLID:
-                    g = of_convex(kind, c.size[row], ends, vec3(how[0], how[1], c.width), by, G)
+                    g = of_convex(kind, c.of.size[row], ends, vec3(how[0], how[1], c.width), by, G)
             if meshes:
                 if kind >= SOLID:
-                    g, each, faces = of_mesh(kind, c.mesh[row], ends, vec3(how[0], how[1], c.size[row][0]), by, G)
+                    g, each, faces = of_mesh(kind, c.of.mesh[row], ends, vec3(how[0], how[1], c.of.size[row][0]), by, G)
                     if kept:
                         by_corners.row[k, j] = row
                         by_corners.face[k, j] = faces
                         by_corners.by[k, j] = each
-            g0 = wp.quat_rotate(wp.transform_get_rotation(c.pose[k, row]), g[0])
-            g1 = wp.quat_rotate(wp.transform_get_rotation(c.pose[k + 1, row]), g[1])
+            g0 = wp.quat_rotate(wp.transform_get_rotation(c.of.pose[k, row]), g[0])
+            g1 = wp.quat_rotate(wp.transform_get_rotation(c.of.pose[k + 1, row]), g[1])
             place = (row - c.first[points.object[i]]) * s.points + i
             o.gap[place] = o.gap[place] + g[2][0]
             o.motion[place] = o.motion[place] + moved(c, row, k, x + carried, d, wp.matrix_from_rows(g0, g1, N, W), its)

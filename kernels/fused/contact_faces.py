@@ -14,10 +14,11 @@ from typing import Any
 
 import warp as wp
 
+from wsim.kernels.collider.colliders import frames
 from wsim.kernels.contact import candidates, collide
 from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, normal, part, reading, settled, toward
 from wsim.kernels.contact.project import SUNK, slots, tables
-from wsim.kernels.contact.search import SUNK_FROM, frames, reachable
+from wsim.kernels.contact.search import SUNK_FROM, reachable
 from wsim.kernels.fused.lanes import lists, meet_warp, sharing
 from wsim.kernels.fused.own import owned
 from wsim.kernels.math.real import types
@@ -40,7 +41,7 @@ def touching(kinds: tuple[str, ...], real, lanes: int):
             length = wp.length(q1 - start)
             goes = wp.where(wp.abs(dist) < length, 1, 0)
         if anywhere(goes) != 0:
-            kind, mesh, place = c.kind[at[0]], c.mesh[at[0]], wp.vec3i(L.slot[at[0]], at[1], at[2])
+            kind, mesh, place = c.of.kind[at[0]], c.of.mesh[at[0]], wp.vec3i(L.slot[at[0]], at[1], at[2])
             face = hit(mesh, L, place, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length), goes)
             if goes != 0 and face >= 0:
                 Y, front = cross(kind, mesh, face, q1 - start)
@@ -48,7 +49,7 @@ def touching(kinds: tuple[str, ...], real, lanes: int):
 
     @wp.func
     def touching(c: Rows, L: Any, at: wp.vec3i, deep: int, on: int, ends: wp.types.matrix((2, 3), real), reach: t.vec2):
-        kind, mesh, s = c.kind[at[0]], c.mesh[at[0]], L.slot[at[0]]
+        kind, mesh, s = c.of.kind[at[0]], c.of.mesh[at[0]], L.slot[at[0]]
         place = wp.vec3i(s, at[1], at[2])
         q1 = ends[1]
         most = float(reach[0] + reach[1])
@@ -63,7 +64,7 @@ def touching(kinds: tuple[str, ...], real, lanes: int):
         face, near = nearest(mesh, L, s, at[1], q, most, at[2], wp.where(sunk, 0, on))
         if has_solid:
             if on != 0 and sunk:
-                wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(most, float(c.size[at[0]][0])))
+                wound = wp.mesh_query_point_sign_winding_number(mesh, q, wp.max(most, float(c.of.size[at[0]][0])))
                 if wound.result:
                     face = wound.face
                     sign = wound.sign
@@ -100,13 +101,13 @@ def against(kinds: tuple[str, ...], real, lanes: int):
     @wp.func
     def against(c: Rows, points: Points, at: wp.vec4i, deep: int, on: int, x: t.vec3, d: t.vec3):
         row, i, k = at[0], at[1], at[2]
-        T0 = c.pose[k, row]
-        T1 = c.pose[k + 1, row]
+        T0 = c.of.pose[k, row]
+        T1 = c.of.pose[k + 1, row]
         q0, q1 = inside(T0, T1, x, d)
         margin = wp.length(q1 - q0) + c.skin + c.stride[k, row]
-        r = points.reach[i] + c.gap[row] - c.width                     # the hard contact behind a potential
-        C, m, p, s0, slip = touch(c.kind[row], c.size[row], c.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
-        listed = wp.where(c.kind[row] >= SOLID, on, 0)
+        r = points.reach[i] + c.of.thick[row] - c.width                     # the hard contact behind a potential
+        C, m, p, s0, slip = touch(c.of.kind[row], c.of.size[row], c.of.mesh[row], deep, q0, q1, r, t.vec2(margin, c.width))
+        listed = wp.where(c.of.kind[row] >= SOLID, on, 0)
         if anywhere(listed) != 0:
             ends = wp.matrix_from_rows(q0, q1)
             if listed != 0 and at[3] == 0:
@@ -117,7 +118,7 @@ def against(kinds: tuple[str, ...], real, lanes: int):
                 C, m, p, s0, slip = C1, m1, p1, s1, slip1
         n, way = t.vec3(), t.vec3()
         if on != 0 and C < margin:
-            n, way = outside(T0, T1, c.step[k, row], m, p, slip)
+            n, way = outside(T0, T1, c.of.step[k, row], m, p, slip)
         return C, margin, s0, n, way
 
     return against

@@ -14,10 +14,11 @@ from functools import cache
 
 import warp as wp
 
+from wsim.kernels.collider.colliders import frames
 from wsim.kernels.contact import collide
 from wsim.kernels.contact.project import SUNK, TOUCHED, slots, softness, tables
 from wsim.kernels.contact.project import meeting as pressing
-from wsim.kernels.contact.search import SUNK_FROM, frames
+from wsim.kernels.contact.search import SUNK_FROM
 from wsim.kernels.fused.contact import written
 from wsim.kernels.fused.lanes import sharing
 from wsim.kernels.fused.own import owned
@@ -62,10 +63,10 @@ def looking(real):
             row = c.first[o] + own.lane
             if row < c.first[o + 1]:
                 look.row = row
-                look.kind = c.kind[row]
-                look.size = c.size[row]
-                look.keep = points.reach[i] + c.gap[row] - c.width
-                look.mu = real(0.5) * (points.friction[i] + c.friction[row])
+                look.kind = c.of.kind[row]
+                look.size = c.of.size[row]
+                look.keep = points.reach[i] + c.of.thick[row] - c.width
+                look.mu = real(0.5) * (points.friction[i] + c.of.friction[row])
                 look.far = real(-1.0e30)
         return look
 
@@ -85,8 +86,8 @@ def trying(kinds: tuple[str, ...], real):
         start = real(0.0)
         row = look.row
         if row >= 0:
-            T0 = c.pose[k, row]
-            T1 = c.pose[k + 1, row]
+            T0 = c.of.pose[k, row]
+            T1 = c.of.pose[k + 1, row]
             q0, q1 = inside(T0, T1, x, d)
             length = wp.length(q1 - q0)
             margin = length + c.skin + c.stride[k, row]
@@ -94,7 +95,7 @@ def trying(kinds: tuple[str, ...], real):
                 C, m, p, s0 = touch(look.kind, look.size, q0, q1, look.keep, margin, c.width)
                 look.far = s0
                 if C < margin:
-                    n, way = outside(T0, T1, c.step[k, row], m, p, t.vec3())
+                    n, way = outside(T0, T1, c.of.step[k, row], m, p, t.vec3())
                     gap = C
                     start = s0
                     look.n = n

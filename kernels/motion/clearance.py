@@ -75,11 +75,11 @@ def away(kinds: tuple[str, ...], real):
 
     @wp.func
     def surface(c: Rows, m: Movements, row: int, T0: t.transform, deep: int, x: t.vec3, D: real):
-        kind = c.kind[row]
+        kind = c.of.kind[row]
         q = wp.quat_rotate_inv(wp.transform_get_rotation(T0), x - wp.transform_get_translation(T0))
         if shaped:
             if kind < SOLID:
-                D, n = formula(kind, c.size[row], q)
+                D, n = formula(kind, c.of.size[row], q)
         if meshed:
             if kind >= SOLID and m.mesh[row] != wp.uint64(0):
                 far = float(real(3.0) * m.ball[row][3])
@@ -123,7 +123,7 @@ def clearance(kinds: tuple[str, ...], real, module):
                 c0 = t.vec3(m.now[r + 9], m.now[r + 10], m.now[r + 11])
                 room = of(c, m, row, T0, c0, c.deep[0], at.x[i])
                 found = wp.min(found, room)
-                later = wp.min(later, room - (m.now[r + 7] - c.gap[row]))
+                later = wp.min(later, room - (m.now[r + 7] - c.of.thick[row]))
             kept = points.reach[i] + real(2.0) * c.skin
             found -= kept
             later -= kept
@@ -168,7 +168,7 @@ def near(kinds: tuple[str, ...], real, module):
             o = points.object[i]
             need = ahead * wp.length(v[i]) + points.reach[i] + real(2.0) * c.skin
             for row in range(c.first[o], c.first[o + 1]):
-                T1 = c.pose[c.ball.shape[0], row]
+                T1 = c.of.pose[c.ball.shape[0], row]
                 ball = m.ball[row]
                 c1 = wp.transform_point(T1, t.vec3(ball[0], ball[1], ball[2]))
                 if not need <= of(c, m, row, T1, c1, 0, x[i]):

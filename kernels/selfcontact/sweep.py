@@ -88,7 +88,7 @@ def touching(real):
         p.n = c.slots.n[j]
         p.b = c.slots.b[j]
         p.gu = how.g * c.slots.u[j]
-        p.mu = real(0.5) * (c.points.friction[p.point] + c.rows.friction[c.slots.row[j]])
+        p.mu = real(0.5) * (c.points.friction[p.point] + c.rows.of.friction[c.slots.row[j]])
         p.P = c.push[j]
         return p
 

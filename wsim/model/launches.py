@@ -242,7 +242,3 @@ class Loop:
                                f"{4 * self.room.size}: raise ROOM in wsim/model/launches.py")
         self.used += size
         return wp.array(ptr=self.room.ptr + 4 * (self.used - size), dtype=table.dtype, shape=shape, device=table.device)
-
-    def table(self, table, names: tuple[tuple[str, int], ...]):
-        """A struct of which the tables of these names are read likewise. names: with how many rows of each."""
-        return filled(type(table), **values(table) | {name: self.rows(getattr(table, name), count) for name, count in names})

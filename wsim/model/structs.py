@@ -30,3 +30,15 @@ class Placed:
 def values(struct: Any) -> dict[str, Any]:
     """Fields of a struct by name."""
     return {name: getattr(struct, name) for name in struct._cls.vars}
+
+
+def leaves(struct: Any) -> dict[str, tuple[Any, Any]]:
+    """(type, value) of the arrays and numbers of a struct by name, "a.b" of those of a struct a within."""
+    found = {}
+    for name, var in struct._cls.vars.items():
+        value = getattr(struct, name)
+        if hasattr(value, "_cls"):
+            found |= {f"{name}.{path}": leaf for path, leaf in leaves(value).items()}
+        else:
+            found[name] = var.type, value
+    return found

@@ -23,8 +23,9 @@ import warp as wp
 
 from wsim.kernels.cloth.edge_contact.corner import INNER, through
 from wsim.kernels.cloth.edge_contact.edge import AWAY, lowest, signed
+from wsim.kernels.collider.colliders import frames
 from wsim.kernels.contact.project import read, tables
-from wsim.kernels.contact.search import frames, reachable
+from wsim.kernels.contact.search import reachable
 from wsim.kernels.contact.shape import BOX
 from wsim.kernels.math.marks import own
 from wsim.kernels.math.real import types
@@ -96,9 +97,9 @@ def feel(kinds: tuple[str, ...], real, module):
             reach = real(2.0) * (wp.length(d) + c.chord[row]) + points.reach[i] + sharp_out.keep[j] + c.skin
             side = int(FAR)
             if reachable(c.ball[at.k, row], x, reach):
-                T = c.pose[at.k + 1, row]
+                T = c.of.pose[at.k + 1, row]
                 q = wp.quat_rotate_inv(wp.transform_get_rotation(T), (x - wp.transform_get_translation(T)) + d)
-                phi, n, _slip = shape(c.kind[row], c.size[row], c.mesh[row], q, reach)
+                phi, n, _slip = shape(c.of.kind[row], c.of.size[row], c.of.mesh[row], q, reach)
                 if phi < reach:
                     sharp_out.q[slot] = q
                     sharp_out.felt[slot] = t.vec4(n[0], n[1], n[2], phi)
@@ -217,7 +218,7 @@ def find(kinds: tuple[str, ...], real, module):
         if p[1] == p[2]:
             return across(x1 - x0, f0, f1)
         f = wp.matrix_from_rows(f0, f1, S.felt[slot + p[2]])
-        return holds(c.kind[row], c.size[row], wp.matrix_from_rows(x0, x1, S.q[slot + p[2]]), c.chord[row], f)
+        return holds(c.of.kind[row], c.of.size[row], wp.matrix_from_rows(x0, x1, S.q[slot + p[2]]), c.chord[row], f)
 
     def find_edges(c: Rows, points: Points, at: Read, S: Sharp, sharp_out: Sharp):
         lot = wp.tid()
@@ -243,10 +244,11 @@ def find(kinds: tuple[str, ...], real, module):
                 f = wp.matrix_from_rows(S.felt[slot + p[0]], S.felt[slot + p[1]], S.felt[slot + p[2]])
                 r = S.keep[j] + wp.max(points.reach[p[0]], points.reach[p[1]])
                 margin = wp.length(at.d[p[0]]) + wp.length(at.d[p[1]]) + c.skin + c.stride[at.k, row]
-                C, b, m, slip = gap(c.kind[row], c.size[row], c.mesh[row], X, p[1] == p[2], t.vec2(r, margin), f)
+                C, b, m, slip = gap(c.of.kind[row], c.of.size[row], c.of.mesh[row], X, p[1] == p[2], t.vec2(r, margin), f)
                 if C < margin and C < best and wp.dot(b, t.vec3(points.w[p[0]], points.w[p[1]], points.w[p[2]])) > real(0.0):
                     best = C
-                    n, way = outside(c.pose[at.k, row], c.pose[at.k + 1, row], c.step[at.k, row], m, b * X - (C + r) * m, slip)
+                    p0 = b * X - (C + r) * m
+                    n, way = outside(c.of.pose[at.k, row], c.of.pose[at.k + 1, row], c.of.step[at.k, row], m, p0, slip)
                     moved = b[0] * at.d[p[0]] + b[1] * at.d[p[1]] + b[2] * at.d[p[2]]
                     x = b[0] * at.x[p[0]] + b[1] * at.x[p[1]] + b[2] * at.x[p[2]]
                     sharp_out.met[site] = row

@@ -88,7 +88,7 @@ def hold(real, module):
                     Sn = S * n
                     S -= inverse(wp.dot(n, Sn)) * wp.outer(Sn, Sn)
                     start -= (gap + wp.dot(n, start)) * n
-                    mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                    mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                     way = slip(n, at.d[i], at.a[i] + at.g * s.u[j])
                     T, more, sticks = friction(n, way, left - wp.dot(left, n) * n, H, own, lam, mu)
                     push = lam * n + T

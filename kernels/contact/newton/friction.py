@@ -125,7 +125,7 @@ def press(real, module):
             pressed = wp.max(lam - (s.b[j] + wp.dot(n, d)), real(0.0))
             d += (pressed - lam) * n
             if pressed > real(0.0):
-                mu = real(0.5) * (points.friction[i] + c.friction[s.row[j]])
+                mu = real(0.5) * (points.friction[i] + c.of.friction[s.row[j]])
                 way = slip(n, d, a[i] + g * s.u[j])
                 onward = T - way
                 size = wp.length(onward)

@@ -115,8 +115,7 @@ def carry(real, module):
         k = wp.tid()
         b = shapes.of.owner[k]
         if b >= 0:
-            out.of.place[k] = s.at[b] + wp.quat_rotate(s.seen[b], place[k])
-            out.of.turn[k] = s.seen[b] * turn[k]
+            out.of.pose[0, k] = t.transform(s.at[b] + wp.quat_rotate(s.seen[b], place[k]), s.seen[b] * turn[k])
 
     return wp.kernel(carry, name=f"afloat_carry_{types(real).name}", module=module, enable_backward=False)
 

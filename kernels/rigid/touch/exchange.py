@@ -46,7 +46,7 @@ def of_contacts(real):
         P = p.push[j]
         d0 = p.d[i] - P
         lam = wp.dot(P, n)
-        mu = real(0.5) * (p.friction[i] + c.friction[s.row[j]])
+        mu = real(0.5) * (p.friction[i] + c.of.friction[s.row[j]])
         bound = mu[0]
         if lam > real(0.0) and wp.length(P - lam * n) >= real(SLID) * mu[1] * lam:
             bound = mu[1]

@@ -48,7 +48,7 @@ def lean(real, module):
         base = -wp.max(s.b[j] + wp.dot(n, p.d[i]), real(0.0))
         if lam > real(0.0):
             base = (own / stiff) * lam
-        mu = real(0.5) * (p.friction[i] + c.friction[s.row[j]])
+        mu = real(0.5) * (p.friction[i] + c.of.friction[s.row[j]])
         rows_out.base[m] = base - p.h * wp.dot(n, U0)
         rows_out.least[m] = real(0.0)
         rows_out.slip[m] = p.g * U0 - (own / stiff) * (push - lam * n)

@@ -153,5 +153,5 @@ def test_poses_of_a_collider_at_many_substeps_are_those_of_a_cpu():
         sim.step()
         contacts = sim.plan.find("contacts")
         assert contacts.poses.many.tolist() == [0]
-        poses.append(contacts.table.pose.numpy())
+        poses.append(contacts.table.of.pose.numpy())
     assert poses[0].shape == (121, 1, 7) and np.abs(poses[0] - poses[1]).max() < 1e-6

@@ -42,7 +42,7 @@ def both(kind: str, real, points, triangles, ends: np.ndarray, strays: np.ndarra
     def ask(c: Rows, L: Points, q0: wp.array(dtype=vec), q1: wp.array(dtype=vec), stray: wp.array(dtype=vec), R: float,
             out: wp.array2d(dtype=vec)):
         i = wp.tid()
-        m = c.mesh[0]
+        m = c.of.mesh[0]
         candidates.make(m, L, 0, i, wp.vec3f(q1[i] + stray[i]), R, 0.0)
         margin = wp.length(q1[i] - q0[i]) + real(0.002)
         C, n, p, s0, slip = plain(number, m, 0, real(1.0), q0[i], q1[i], real(0.01), margin)
@@ -54,8 +54,8 @@ def both(kind: str, real, points, triangles, ends: np.ndarray, strays: np.ndarra
 
     surface = wp.Mesh(wp.array(points, dtype=wp.vec3f), wp.array(triangles.ravel(), dtype=int), support_winding_number=True)
     n, c, L = len(ends), Rows(), Points()
-    c.kind, c.mesh = wp.array([number], dtype=int), wp.array([surface.id], dtype=wp.uint64)
-    c.size = wp.array([(1.0, 0.0, 0.0)], dtype=vec)
+    c.of.kind, c.of.mesh = wp.array([number], dtype=int), wp.array([surface.id], dtype=wp.uint64)
+    c.of.size = wp.array([(1.0, 0.0, 0.0)], dtype=vec)
     L.w, L.slot = wp.ones(n, dtype=real), wp.zeros(1, dtype=int)
     L.count, L.place = wp.zeros(n, dtype=int), wp.zeros(n, dtype=wp.vec3f)
     L.room, L.far = ROOM, wp.zeros(n * ROOM, dtype=float)

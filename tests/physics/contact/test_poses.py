@@ -48,7 +48,7 @@ def tried(colliders, origins=((0.0, 0.0, 0.0),), real=wp.float64, device="cpu", 
 
 def table(of: Contacts) -> list[np.ndarray]:
     c = of.table
-    return [array.numpy().astype(np.float64) for array in (c.pose, c.step, c.ball, c.stride)]
+    return [array.numpy().astype(np.float64) for array in (c.of.pose, c.of.step, c.ball, c.stride)]
 
 
 def both(monkeypatch, make, time) -> list[list[np.ndarray]]:
@@ -125,7 +125,7 @@ def test_a_motion_that_is_no_curve_is_evaluated_by_the_host_beside_others():
         assert (c.poses.many.tolist(), c.poses.few.tolist()) == ([0], [1])
         times = time + 0.5 * np.arange(8) / 7
         for k, of in enumerate((plain, round_)):
-            np.testing.assert_allclose(c.table.pose.numpy()[:, k, :3], of.sampled(times)[:, :3, 3], **CLOSE)
+            np.testing.assert_allclose(c.table.of.pose.numpy()[:, k, :3], of.sampled(times)[:, :3, 3], **CLOSE)
 
 
 def test_a_motion_set_live_is_met_from_the_next_frame_on():
@@ -149,7 +149,7 @@ def test_a_motion_set_live_is_met_from_the_next_frame_on():
         sim.step()
         contact.place()                                  # a frame without contacts has asked for no poses
         many.append(len(contact.poses.many))
-        pose = contact.table.pose.numpy()
+        pose = contact.table.of.pose.numpy()
         for j, t in enumerate(frame / 24.0 + np.arange(4) / 72.0):
             expected = np.array([own.at(t)[:3, 3] for own in given.values()]) - sim.model.bodies[0].origin
             np.testing.assert_allclose(pose[j, :, :3], expected, **CLOSE)
@@ -245,7 +245,7 @@ def throughout(scene: Scene, monkeypatch) -> Simulation:
 
 
 def placed(contacts) -> list[wp.array]:
-    return [contacts.table.pose, *(mesh.device["mesh"].points for mesh in contacts.meshes.values())]
+    return [contacts.table.of.pose, *(mesh.device["mesh"].points for mesh in contacts.meshes.values())]
 
 
 @pytest.mark.parametrize(("kind", "shape"), [("linear", Box((0.1, 0.2, 0.3))), ("catmull_rom", Surface(*shapes.sphere(0.5, 8))),

@@ -132,7 +132,7 @@ def moving(count: int, device) -> dict:
         pose, step, ball = contacts.rows.poses(start + np.arange(11) / 600.0)
         ball[..., 3] += contacts.gap
         error = max(error, *(float(np.abs(array.numpy() - values).max()) for array, values in (
-            (contacts.table.pose, pose), (contacts.table.step, step), (contacts.table.ball, ball))))
+            (contacts.table.of.pose, pose), (contacts.table.of.step, step), (contacts.table.ball, ball))))
     return row | {"error": error}
 
 

@@ -15,16 +15,13 @@ import warp as wp
 
 from wsim.geometry import rotation
 from wsim.geometry.triangulate import triangulate
-from wsim.kernels.collider.table import colliders, follow
+from wsim.kernels.collider.table import follow
 from wsim.kernels.contact import shape as convex
-from wsim.kernels.contact.mesh import SHEET, SOLID
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
-from wsim.model.structs import filled
+from wsim.physics.collider.rows import fill
 from wsim.scene import Surface, solids
 from wsim.scene.solids import row
-
-MESHES = {"solid": SOLID, "sheet": SHEET}
 
 
 def kind(shape: Any) -> str:
@@ -52,12 +49,6 @@ def kinds(things: list) -> tuple[str, ...]:
     return tuple(sorted({kind(thing.shape) for thing in things} | {"forming" for thing in things if forms(thing)}))
 
 
-def code(name: str) -> int:
-    """By which kernels tell a kind of shape."""
-    convex.make_known(solids.SOLIDS, [name])
-    return MESHES[name] if name in MESHES else convex.code(name)
-
-
 def screws(turn: np.ndarray) -> np.ndarray:
     """J of rotation vectors (n, 3) [rad], see kernels/collider/table.py, (n, 3, 3)."""
     x, y, z = turn.T
@@ -78,7 +69,7 @@ class ColliderTable:
     def __init__(self, model: Model, things: list, corner: Any = (0.0, 0.0, 0.0), thick: list[float] | None = None,
                  screw: bool = True):
         self.things, self.corner, self.model = things, np.asarray(corner, np.float64), model
-        t, n, device, dtype = types(model.real), len(things), model.device, model.dtype
+        t, n, device = types(model.real), len(things), model.device
         self.kinds = kinds(things)
         self.meshes = [self._mesh(thing) if isinstance(thing.shape, Surface) else None for thing in things]
         self.state: Any = None                                 # that meshes with `rows` of its points follow
@@ -86,17 +77,14 @@ class ColliderTable:
         size = [(0.0, 0.0, 0.0) if isinstance(thing.shape, Surface) else row(thing.shape).size(thing.shape) for thing in things]
         kept = [getattr(thing, "thickness", None) or 0.0 for thing in things] if thick is None else thick
         rub = [[getattr(thing, f"{name}_friction", 0.0) for name in ("static", "dynamic")] for thing in things]
-
-        def up(values, of, kind=None):
-            return model.upload(np.array(values, dtype if kind is None else kind), of)
-        self.rows = filled(
-            colliders(model.real), kind=up([code(kind(thing.shape)) for thing in things], int, np.int32),
-            size=up(size, t.vec3), thick=up(kept, model.real), friction=up(np.reshape(rub, (n, 2)), t.vec2),
-            restitution=up([getattr(thing, "restitution", 0.0) for thing in things], model.real),
-            mesh=up([m.id if m else 0 for m in self.meshes], wp.uint64, np.uint64), screw=int(screw),
-            owner=up([getattr(thing, "body", -1) for thing in things], int, np.int32),
-            **{name: wp.zeros(n, dtype=t.quat if name == "turn" else t.vec3, device=device)
-               for name in ("place", "turn", "speed", "spin")})
+        names = [kind(thing.shape) for thing in things]
+        convex.make_known(solids.SOLIDS, names)
+        self.rows = fill(model.real, device, names, size=size, thick=kept, friction=rub,
+                         restitution=[getattr(thing, "restitution", 0.0) for thing in things],
+                         mesh=np.array([m.id if m else 0 for m in self.meshes], np.uint64),
+                         owner=[getattr(thing, "body", -1) for thing in things])
+        self.rows.screw = int(screw)
+        self.rows.speed, self.rows.spin = (wp.zeros(n, dtype=t.vec3, device=device) for _ in range(2))
         self.follow = follow(model.real, model.module) if any(hasattr(thing, "rows") for thing in things) else None
         self.posed: tuple = ()                                 # what was uploaded last
         self.pose(0.0, 1.0)
@@ -153,7 +141,6 @@ class ColliderTable:
         speed = (last[:, :3, 3] - first[:, :3, 3]) / dt
         if self.rows.screw:
             speed = np.linalg.solve(screws(turn), speed[:, :, None])[:, :, 0]
-        values = {"place": first[:, :3, 3] - self.corner + self.shift, "turn": rotation.quaternion(first[:, :3, :3]),
-                  "speed": speed, "spin": turn / dt}
-        for name, value in values.items():
+        place = np.concatenate([first[:, :3, 3] - self.corner + self.shift, rotation.quaternion(first[:, :3, :3])], axis=1)
+        for name, value in {"pose": place[None], "speed": speed, "spin": turn / dt}.items():
             getattr(self.rows, name).assign(np.ascontiguousarray(value, self.model.dtype))

@@ -26,6 +26,7 @@ from wsim.kernels.contact import search, shape
 from wsim.kernels.contact.collide import code
 from wsim.kernels.math.real import types
 from wsim.model.structs import filled
+from wsim.physics.collider.rows import fill
 from wsim.physics.contact.colliders import Rows, check
 from wsim.physics.contact.mesh import Mesh, deforming
 from wsim.physics.contact.poses import Poses
@@ -75,6 +76,7 @@ class Contacts:
         self.rows = Rows.build(bodies.colliders, bodies.origins, self.meshes)
         self.kinds = _kinds(self.rows.kind)
         self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin, bodies.whole, self.rows.sharp(bodies.edged))
+        self.owner = np.full(len(self.rows.collider), -1)     # rigid body of each row
         self.wanted = wp.zeros(1, dtype=int, device=self.device)
         self.substeps, self.dt = 0, dt
         self.time: float | None = None
@@ -140,14 +142,12 @@ class Contacts:
         self.changed = self.redrawn = True
 
     def _constants(self) -> None:
-        t, c, rows = self.types, self.table, self.rows
-        of = rows.collider
+        rows, of = self.rows, self.rows.collider
         mesh = np.array([0 if m is None else m.id for m in rows.meshes], np.uint64)
-        kind = np.array([code(k) for k in rows.kind], np.int32)
-        c.first = self._array(rows.first, int)
-        c.kind, c.mesh = self._array(kind[of], int), self._array(mesh[of], wp.uint64)
-        c.size, c.gap = self._array(rows.size[of], t.vec3), self._array(self.gap, t.scalar)
-        c.friction = self._array(self.friction, t.vec2)
+        self.table.first = self._array(rows.first, int)
+        self.table.of = fill(self.real, self.device, [rows.kind[k] for k in of], size=rows.size[of], mesh=mesh[of],
+                             thick=self.gap, friction=self.friction, owner=self.owner,
+                             restitution=[rows.colliders[k].restitution for k in of])
 
     def _slots(self, capacity: int) -> None:
         t, n = self.types, self.count
@@ -214,8 +214,8 @@ class Contacts:
             self.edges.keep()
         if name in FRICTION:
             self.friction[rows, FRICTION.index(name)] = value
-        self.table.gap.assign(self.gap.astype(self.dtype))
-        self.table.friction.assign(self.friction.astype(self.dtype))
+        self.table.of.thick.assign(self.gap.astype(self.dtype))
+        self.table.of.friction.assign(self.friction.astype(self.dtype))
         return rows
 
     def shape(self, k: int, loop=None) -> None:

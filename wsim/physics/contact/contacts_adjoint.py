@@ -81,13 +81,13 @@ class ContactAdjoint:
         self.starts = wp.array(starts, dtype=int, device=model.device)
         self.sums = wp.zeros((len(model.bodies), contacts.rows.most, lanes), dtype=self.motion.dtype, device=model.device)
         # where a motion is no straight way within its frames: sums of each substep
-        self.steps = [wp.zeros_like(self.sums) for _ in range(contacts.table.step.shape[0])] if any(
+        self.steps = [wp.zeros_like(self.sums) for _ in range(contacts.table.of.step.shape[0])] if any(
             bends(c.motion, model.scene.fps) for c in contacts.rows.colliders) else []
         self.corners = corners(model.real)()             # gradients by the corners of skinned meshes
         self.touched: list[Touched] = []                 # of frames, the last one first
         self.skinned = skinned
         if skinned:
-            shape, by = (contacts.table.step.shape[0], size), wp.types.matrix((9, 3), model.real)
+            shape, by = (contacts.table.of.step.shape[0], size), wp.types.matrix((9, 3), model.real)
             for name, dtype in (("row", int), ("face", wp.vec3i), ("by", by)):
                 setattr(self.corners, name, wp.zeros(shape, dtype=dtype, device=model.device))
         self.wanted = zeros(1, int)

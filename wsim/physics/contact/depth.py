@@ -63,8 +63,8 @@ def by_host(contacts: "Contacts", x: np.ndarray) -> dict[str, float]:
     """x: positions [m], (points, 3), float64."""
     points, table = contacts.points, contacts.table
     w, owner, reach = (a.numpy() for a in (points.w, points.object, points.reach))
-    pose = table.pose.numpy()[contacts.substeps].astype(np.float64)
-    gap, faces, first = table.gap.numpy().astype(np.float64), contacts.faces.numpy(), contacts.rows.first
+    pose = table.of.pose.numpy()[contacts.substeps].astype(np.float64)
+    gap, faces, first = table.of.thick.numpy().astype(np.float64), contacts.faces.numpy(), contacts.rows.first
     kept = solid = deep = 0.0
     for o in range(len(first) - 1):
         mine, corners = np.flatnonzero((owner == o) & (w > 0.0)), faces[owner[faces[:, 0]] == o]

@@ -20,7 +20,7 @@ class ContactGradient:
                         for g, m in zip(contacts.gap, self.meshes, strict=False)]      # of the first object
         each = np.stack([np.stack([part.numpy() for part in (sums if isinstance(sums, list) else [sums])]) for sums in motions])
         self.first, self.touched, self.object = rows.first, adjoint.touched[::-1], contacts.points.object.numpy()
-        self.substeps = contacts.table.step.shape[0]
+        self.substeps = contacts.table.of.step.shape[0]
         self.steps = each.astype(np.float64).sum(axis=4)              # (frames, substeps or 1, objects, rows, 4, 3)
         self.motions = self.steps.sum(axis=1)
 

@@ -20,7 +20,7 @@ import numpy as np
 import warp as wp
 
 from wsim.kernels.motion.threads import MOST as MOST_THREADS
-from wsim.model.structs import values
+from wsim.model.structs import leaves
 from wsim.physics.cloth.kind import SPRINGS
 from wsim.physics.fused.program import Program, is_struct, longest, place
 from wsim.physics.fused.recorder import Op, Recorder, recorded
@@ -193,7 +193,7 @@ def contents(value: Any) -> tuple:
     if value is None or isinstance(value, wp.array):
         return place(value)
     if is_struct(value):
-        return tuple(place(v) if v is None or isinstance(v, wp.array) else float(v) for v in values(value).values())
+        return tuple(place(v) if v is None or isinstance(v, wp.array) else float(v) for _, v in leaves(value).values())
     return tuple(map(float, value)) if hasattr(value, "__len__") else (float(value),)
 
 

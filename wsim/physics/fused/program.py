@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from wsim.model.structs import leaves
 from wsim.physics.fused.recorder import Op
 
 LARGE = (wp.uint64, wp.int64)            # numbers that are compared, not counted with
@@ -126,11 +127,10 @@ def _split(op: Op) -> tuple[tuple, list[float]]:
         if value is None or isinstance(value, wp.array):
             key.append(place(value))
         elif is_struct(value):
-            for name, var in value._cls.vars.items():
-                part = getattr(value, name)
-                if isinstance(var.type, wp.array):
+            for kind, part in leaves(value).values():
+                if isinstance(kind, wp.array):
                     key.append(place(part))
-                elif var.type in LARGE:
+                elif kind in LARGE:
                     key.append((int(part),))
                 else:
                     row.append(float(part))
@@ -144,8 +144,8 @@ def _kinds(op: Op) -> list[tuple[tuple, Any]]:
     found = list[tuple[tuple, Any]]()
     for a, (value, kind) in enumerate(zip(op.args, op.kernel.adj.arg_types.values(), strict=True)):
         if is_struct(value):
-            found += [((a, name), var.type) for name, var in value._cls.vars.items()
-                      if not isinstance(var.type, wp.array) and var.type not in LARGE]
+            found += [((a, name), of) for name, (of, _) in leaves(value).items()
+                      if not isinstance(of, wp.array) and of not in LARGE]
         elif value is not None and not isinstance(value, wp.array):
             found.append(((a, ""), kind))
     return found

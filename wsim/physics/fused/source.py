@@ -18,7 +18,7 @@ import warp as wp
 from wsim.kernels.fused.body import MODULE, body
 from wsim.kernels.math import block
 from wsim.kernels.motion import abreast
-from wsim.model.structs import filled, values
+from wsim.model.structs import filled, leaves, values
 from wsim.physics.fused.program import Column, Phase, Program, is_struct, place
 
 WARP = 32              # launches beside each other begin at multiples of it
@@ -98,7 +98,7 @@ class Text:
 
     def struct(self, number: int, a: int, variant: int, value, kind, changing: list[str], c: Column) -> str:
         if not changing:
-            parts = tuple(place(v) if v is None or isinstance(v, wp.array) else float(v) for v in values(value).values())
+            parts = tuple(place(v) if v is None or isinstance(v, wp.array) else float(v) for _, v in leaves(value).values())
             return self.argument("s", ("struct", str(kind), parts), kind, value)
         name = self.argument("s", ("struct", number, a, variant), kind, filled(value._cls, **values(value)))
         for part in changing:

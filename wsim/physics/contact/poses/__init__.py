@@ -37,9 +37,10 @@ class Poses:
 
         def zeros(length, dtype):
             return wp.zeros((length, n), dtype=dtype, device=self.device)
-        c.pose, c.step = zeros(substeps + 1, t.transform), zeros(substeps, t.transform)
+        c.of.pose, c.of.step = zeros(substeps + 1, t.transform), zeros(substeps, t.transform)
         c.ball, c.stride = zeros(substeps, t.vec4), zeros(substeps, t.scalar)
-        self.found = tuple(array.numpy() for array in (c.pose, c.step, c.ball, c.stride))     # on a CPU the arrays themselves
+        columns = c.of.pose, c.of.step, c.ball, c.stride
+        self.found = tuple(array.numpy() for array in columns)           # on a CPU the arrays themselves
 
     def place(self, time: float, dt: float, gap: np.ndarray, changed: bool) -> None:
         """Places the rows in the frame of dt [s] that starts at `time` [s]. gap: distance that rows keep [m]; changed: since
@@ -51,7 +52,7 @@ class Poses:
             self._sort()
         number = np.setdiff1d(np.arange(len(rows.colliders)), self.many) if changed else self.few
         if len(number):
-            self._upload(number, time + dt * np.arange(self.table.pose.shape[0]) / self.table.ball.shape[0], gap)
+            self._upload(number, time + dt * np.arange(self.table.of.pose.shape[0]) / self.table.ball.shape[0], gap)
         if len(self.many):
             if self.device_rows is None:
                 self.device_rows = DeviceRows(self.table, self.device, self.real)
@@ -88,7 +89,7 @@ class Poses:
         own = np.flatnonzero(np.isin(rows.collider, number))
         pose, step, ball = rows.poses(times, number)
         ball[..., 3] += gap[own]                         # the kernel adds what belongs to the point
-        columns = (c.pose, c.step, c.ball, c.stride)
+        columns = (c.of.pose, c.of.step, c.ball, c.stride)
         for array, every, values in zip(columns, self.found, (pose, step, ball, np.zeros(ball.shape[:2])), strict=True):
             every[:, own] = values
             if self.device.is_cuda:
@@ -119,7 +120,7 @@ class DeviceRows:
         m.origin, m.gap = array(rows.origin[own], wp.vec3d), array(gap[own], wp.float64)
         m.ball = array(np.concatenate([center, rows.radius[:, None]], axis=1)[of], wp.vec4d)
         self.sequence = LaunchList(self.device, [*self.sampled.launches(), (
-            self.place, (len(own), substeps + 1), [m, self.sampled.A, self.sampled.p], [c.pose, c.step, c.ball])])
+            self.place, (len(own), substeps + 1), [m, self.sampled.A, self.sampled.p], [c.of.pose, c.of.step, c.ball])])
 
     def launch(self, time: float) -> None:
         self.sampled.begin(time)

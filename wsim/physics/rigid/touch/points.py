@@ -116,8 +116,8 @@ class Touch(Substeps):
         own = [self.owners[n][2] for _, n, _ in found]
         places = places_of([self.rigid.masses[k] for k in bodies], own, np.zeros((len(own), 3)))
         row = np.array([r for r, *_ in found], np.int32)
-        of, thrown = np.full(len(rows.collider), -1, np.int32), np.zeros(len(rows.collider))
-        of[row], thrown[row] = bodies, [c.restitution for c in own]
+        self.contacts.owner[row], table = bodies, self.contacts.table.of
+        table.owner.assign(self.contacts.owner)
         radius = rows.radius[rows.collider[row]] + self.contacts.gap[row]
         origins = np.stack([body.origin for body in model.bodies])
 
@@ -127,8 +127,8 @@ class Touch(Substeps):
         self.shapes = filled(
             Shapes, row=array(row, int), body=array(bodies, int), place=array(places, wp.transformd),
             ball=array(np.concatenate([rows.centers()[rows.collider[row]], radius[:, None]], 1), wp.vec4d),
-            origin=array(rows.origin[row], wp.vec3d), begin=array(self.rigid.origin, wp.vec3d), of=array(of, int),
-            restitution=wp.array(thrown, dtype=self.real, device=device), object=array(origins, wp.vec3d))
+            origin=array(rows.origin[row], wp.vec3d), begin=array(self.rigid.origin, wp.vec3d), of=table.owner,
+            restitution=table.restitution, object=array(origins, wp.vec3d))
         self.room()
         size = self.room_for * 100
         listing, solving = self.worlds.launches if self.worlds else (4, (6 + (not self.alone)) * self.rounds)
@@ -201,7 +201,7 @@ class Touch(Substeps):
         if self.memory and not arrived:
             self.model.copy(self.before, self.contact.anchor)
         self.run("place", len(self.shapes.row), [self.shapes, self.rigid.contacts.rig(), clock.k, arrived, clock.h],
-                 [c.pose, c.step, c.ball])
+                 [c.of.pose, c.of.step, c.ball])
 
     def listed(self, clock: Clock) -> None:
         """Lists contacts in the order of bodies, behind a search."""
