@@ -37,6 +37,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from wsim.kernels.collider.colliders import colliders, into
 from wsim.kernels.collider.nearest import nearest
 from wsim.kernels.rods.tables import Motion, Strands, Trial
 
@@ -51,16 +52,7 @@ FAR = wp.constant(wp.float64(1e9))           # [m] farther than anything
 # not known yet, and the substep before left contact
 NEW, CLEAR, MET, OLD = (wp.constant(k) for k in range(4))
 
-
-@wp.struct
-class Colliders:
-    kind: wp.array(dtype=int)                       # as kernels/contact has it
-    size: wp.array(dtype=wp.vec3d)                  # [m]
-    mesh: wp.array2d(dtype=wp.uint64)               # of a surface, at the starts and ends of substeps
-    friction: wp.array2d(dtype=wp.vec2d)            # static, dynamic, (colliders, strands)
-    thick: wp.array(dtype=wp.float64)               # kept beside the strand's radius [m]
-    frame: wp.array2d(dtype=wp.mat44d)              # own frame to world at the starts and ends of substeps
-    back: wp.array2d(dtype=wp.mat44d)               # and world to own frame
+Colliders = colliders(wp.float64)            # in the world; moments are the starts and ends of substeps
 
 
 @wp.struct
@@ -114,6 +106,12 @@ def rub(t: Touch, n: wp.vec3d, s: wp.vec3d, N: wp.float64, k: wp.float64, mu: wp
         t.K = t.K + across * k
         t.s = b
     return t
+
+
+@wp.func
+def friction(C: Colliders, S: Strands, c: int, k: int):
+    """Coefficients of a strand and a collider: their means."""
+    return wp.float64(0.5) * (S.friction[k] + C.friction[c])
 
 
 @wp.func
@@ -214,19 +212,17 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
     near, meshes = nearest(kinds, wp.float64), "solid" in kinds or "sheet" in kinds
 
     @wp.func
-    def moved(C: Colliders, c: int, at: int, q: wp.vec3d, p: wp.vec3d, face: int, u: float, v: float):
-        """q, as the place of a mesh nearest to it, p, was where the substep began."""
-        if C.mesh[at, c] == C.mesh[at + 1, c]:
-            return q
-        return q + (wp.vec3d(wp.mesh_eval_position(C.mesh[at, c], face, u, v)) - p)
-
-    @wp.func
     def signed(C: Colliders, c: int, at: int, q: wp.vec3d):
-        phi, n, face, u, v = near(C.kind[c], C.size[c], C.mesh[at + 1, c], q)
+        rows = C.kind.shape[0]
+        mesh = C.mesh[(at + 1) * rows + c]
+        phi, n, face, u, v = near(C.kind[c], C.size[c], mesh, q)
         before = q
         if wp.static(meshes):
             if face >= 0:
-                before = moved(C, c, at, q, wp.vec3d(wp.mesh_eval_position(C.mesh[at + 1, c], face, u, v)), face, u, v)
+                was = C.mesh[at * rows + c]
+                if was != mesh:                                # as the place of the mesh nearest to it was
+                    before = q + (wp.vec3d(wp.mesh_eval_position(was, face, u, v))
+                                  - wp.vec3d(wp.mesh_eval_position(mesh, face, u, v)))
         return phi, n, before
 
     @wp.func
@@ -238,8 +234,8 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
         w = SOFT * S.radius[i, k]
         x = T.x[i, k] + S.origin[k]
         for c in range(C.kind.shape[0]):
-            frame = C.frame[at + 1, c]
-            q = wp.transform_point(C.back[at + 1, c], x)
+            frame = C.pose[at + 1, c]
+            q = into(frame, x)
             phi, m, before = signed(C, c, at, q)
             deep = S.radius[i, k] + C.thick[c] - phi
             N, slope = press(stiff, w, deep)
@@ -248,7 +244,7 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
                 side.c = c
                 side.n = n
                 side.deep = deep
-                side.slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.frame[at, c], before))
+                side.slid = (T.x[i, k] - Q.x[i, k]) - (x - wp.transform_point(C.pose[at, c], before))
                 side.hit = wp.vec4d(n[0] * slope, n[1] * slope, n[2] * slope, N)
             if N > wp.float64(0.0):
                 found.f = found.f + n * N
@@ -265,7 +261,7 @@ def touching(kinds: tuple[str, ...]) -> SimpleNamespace:
             T.slip[i, k] = (s - side.n * wp.dot(side.n, s)) * wp.where(N > wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
         if N > wp.float64(0.0):
             N = bound(Q.load[i, k], S.m[i, k], Q.v[i, k], S.gravity[k], side.n, N, hh)
-            found = rub(found, side.n, s, N, stiff, C.friction[side.c, k], lean)
+            found = rub(found, side.n, s, N, stiff, friction(C, S, side.c, k), lean)
         return found
 
     return SimpleNamespace(touch=touch, signed=signed, name="_".join(kinds))

@@ -22,6 +22,7 @@ class Strands:
     radius: wp.array2d(dtype=wp.float64)            # of a point [m]
     origin: wp.array(dtype=wp.vec3d)                # what x is relative to [m], one for each strand
     gravity: wp.array(dtype=wp.vec3d)               # [m/s^2], one for each strand
+    friction: wp.array(dtype=wp.vec2d)              # static, dynamic, one for each strand
     wind: wp.array(dtype=wp.vec3d)                  # [m/s], one for each strand; this and below only where there is air
     decay: wp.array(dtype=wp.float64)               # rate of a strand's velocities [1/s]
     across: wp.array2d(dtype=wp.float64)            # drag of an edge across its axis over the speed squared [kg/m]

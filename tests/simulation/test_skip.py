@@ -59,8 +59,9 @@ def room(place: str, names: str) -> set[str]:
     return {f"wsim.{place}.{name}" for name in names.split()}
 
 
-SCENE = (room("scene", "scene bodies solid solids curve.curve curve.motion fabric") | room("scene.check", "scene objects mesh")
-         | room("scene.values", "table value") | room("geometry", "triangulate topology memo rotation"))
+SCENE = (room("scene", "scene attachments bodies solid solids curve.curve curve.motion fabric")
+         | room("scene.check", "scene objects mesh") | room("scene.values", "table value")
+         | room("geometry", "triangulate topology memo rotation"))
 LOADER = room("geometry", "primitives winding")       # read with wsim.usd, whose own modules are not told apart by scene
 RUN = (room("simulation", "simulation plan choice methods cost retry duration interrupt")
        | room("simulation.predicted", "errors measured growth sweep_strain sag rolling")
@@ -78,6 +79,7 @@ CHECKS = (room("simulation.measure.checks", "balance terms reasons rise works") 
 PINNED = {"wsim.physics.motion.pins", "wsim.scene.check.pins"}
 AERO = {"wsim.physics.cloth.air", "wsim.kernels.cloth.air"}
 CONTACT = (room("physics.contact", "contacts colliders method mesh clearance") | room("scene.check", "contact")
+           | {"wsim.physics.collider.rows", "wsim.kernels.collider.colliders"}
            | room("scene.check", "signed_distance chord sharp") | room("kernels.contact", "project search collide shape mesh")
            | {"wsim.kernels.motion.clearance"})
 LEAP = (room("physics.motion", "explicit forces threads cluster packets sheets")

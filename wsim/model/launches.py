@@ -16,8 +16,6 @@ from contextlib import nullcontext
 from math import prod
 from typing import Any
 
-from wsim.model.structs import filled, values
-
 
 class Launches:
     """Launches of a model's kernels."""

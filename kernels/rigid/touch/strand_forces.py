@@ -19,7 +19,7 @@ import warp as wp
 
 from wsim.kernels.rigid.touch.strand_contacts import SITES, Spot, meeting, spot
 from wsim.kernels.rigid.touch.strands import Carried
-from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, bound, rub
+from wsim.kernels.rods.contact import FIRM, SOFT, STIFF, Colliders, Touch, bound, friction, rub
 from wsim.kernels.rods.contact import press as pressing
 from wsim.kernels.rods.edges.flanks import Flank
 from wsim.kernels.rods.edges.sites import beneath
@@ -108,7 +108,7 @@ def rubbed(C: Colliders, S: Strands, W: Carried, B: Borne, to: Deepest, s: Spot)
     t.K = B.K[p, to.number]
     slip = stick + slid
     lean = wp.normalize(slip - to.n * wp.dot(to.n, slip)) * wp.float64(1 - wp.min(B.rough[W.strand[s.k]], 1))
-    t = rub(t, to.n, slip, load, stiffness(W, j, s), C.friction[c, s.k], lean)
+    t = rub(t, to.n, slip, load, stiffness(W, j, s), friction(C, S, c, s.k), lean)
     B.f[p, to.number] = t.f
     B.K[p, to.number] = t.K
     B.s[p, s.site] = t.s

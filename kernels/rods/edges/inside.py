@@ -24,6 +24,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from wsim.kernels.collider.colliders import into
 from wsim.kernels.rods.contact import CLEAR, FAR, MET, SOFT, Colliders
 from wsim.kernels.rods.edges.flanks import flanking
 from wsim.kernels.rods.edges.sites import Edge, Faced, Site, end, fill, meet, paired, spread
@@ -54,8 +55,8 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         x1 = T.x[i + 1, k] + S.origin[k]
         reach = (SOFT + wp.float64(1.0)) * wp.max(S.radius[i, k], S.radius[i + 1, k])
         for c in range(C.kind.shape[0]):
-            back = C.back[at + 1, c]
-            if turns(C, c, at, wp.transform_point(back, x0), wp.transform_point(back, x1), reach + C.thick[c]):
+            frame = C.pose[at + 1, c]
+            if turns(C, c, at, into(frame, x0), into(frame, x1), reach + C.thick[c]):
                 return False
         if had != CLEAR:
             T.edge[i, k] = CLEAR
@@ -66,8 +67,8 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         """The edge with what collider c does to it; again: that pressed with others, for its friction alone, 1: at the first
         site, 2: at the second."""
         zero = wp.float64(0.0)
-        back = C.back[E.at + 1, c]
-        both = flanks(C, c, E.at, wp.transform_point(back, E.x0), wp.transform_point(back, E.x1), E.reach + C.thick[c])
+        frame = C.pose[E.at + 1, c]
+        both = flanks(C, c, E.at, into(frame, E.x0), into(frame, E.x1), E.reach + C.thick[c])
         E.ends = both.ends
         if both.a.u + both.b.u > zero and F.now == CLEAR:
             F.now = MET
@@ -79,7 +80,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
         force = zero
         if both.a.u > zero:
             one, N, slope = meet(C, S, Q, T, one, both.a, E, c)
-            n = wp.transform_vector(C.frame[E.at + 1, c], both.a.n)
+            n = wp.transform_vector(frame, both.a.n)
             force = N
             if again == 0:
                 F.to = spread(F.to, n * N, wp.outer(n, n) * slope, both.a.y)
@@ -88,7 +89,7 @@ def inside(kinds: tuple[str, ...]) -> SimpleNamespace:
             two = F.second
         if both.b.u > zero:
             two, N2, slope2 = meet(C, S, Q, T, two, both.b, E, c)
-            n2 = wp.transform_vector(C.frame[E.at + 1, c], both.b.n)
+            n2 = wp.transform_vector(frame, both.b.n)
             force += N2
             if again == 0:
                 F.to = spread(F.to, n2 * N2, wp.outer(n2, n2) * slope2, both.b.y)

@@ -18,6 +18,7 @@ from wsim.kernels.rods.contact import (
     Touch,
     bound,
     forget,
+    friction,
     press,
     pressed,
     rub,
@@ -162,15 +163,16 @@ def meet(C: Colliders, S: Strands, Q: Motion, T: Trial, to: Site, at: Flank, E: 
     N, slope = press(stiffness(S, E.hh, y, i, k), SOFT * r, deep)
     if N > to.N or (to.N == zero and deep > to.side.deep):
         x = between(y, T.x[i, k], T.x[i + 1, k])
-        q = at.before + wp.transform_vector(C.back[now + 1, c], T.x[i + 1, k] - T.x[i, k]) * (y - at.u)
-        n = wp.transform_vector(C.frame[now + 1, c], at.n)
+        way = wp.quat_rotate_inv(wp.transform_get_rotation(C.pose[now + 1, c]), T.x[i + 1, k] - T.x[i, k])
+        q = at.before + way * (y - at.u)
+        n = wp.transform_vector(C.pose[now + 1, c], at.n)
         to.y = y
         to.slope = at.slope
         to.side.c = c
         to.side.n = n
         to.side.deep = deep
         to.side.slid = (x - between(y, Q.x[i, k], Q.x[i + 1, k])) - (
-            x + S.origin[k] - wp.transform_point(C.frame[now, c], q))
+            x + S.origin[k] - wp.transform_point(C.pose[now, c], q))
         to.side.hit = wp.vec4d(n[0] * slope, n[1] * slope, n[2] * slope, N)
         to.N = N
     return to, N, slope
@@ -206,7 +208,7 @@ def end(C: Colliders, S: Strands, Q: Motion, T: Trial, found: Inside, to: Site, 
         found = roll(found, n, T.x[i + 1, k] - T.x[i, k], y, N, to.slope)
         v = between(y, Q.v[i, k], Q.v[i + 1, k])
         N = bound(before, between(y, S.m[i, k], S.m[i + 1, k]), v, S.gravity[k], n, N + to.more, E.hh)
-        t = rub(t, n, s, N, stiff, C.friction[to.side.c, k], lean)
+        t = rub(t, n, s, N, stiff, friction(C, S, to.side.c, k), lean)
     T.bristle[row, k] = t.s
     T.inside[row, k] = wp.vec3d(y, wp.max(to.N, zero) + to.more, wp.where(to.N > zero, to.side.deep, zero))
     return spread(found, t.f, t.K, y)

@@ -12,9 +12,11 @@ from wsim.kernels.collider.table import colliders, queries
 from wsim.kernels.math.real import types
 from wsim.physics.collider.table import ColliderTable
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
+from wsim.physics.fluid.objects import Fluid
 from wsim.physics.rigid.objects import Body
 from wsim.physics.rods.objects import Rods
-from wsim.scene import Collider, Motion, Scene, Sphere, methods, solids
+from wsim.scene import Collider, Motion, Scene, Sphere, methods, shapes, solids
+from wsim.scene.fabric import Fabric
 from wsim.scene.solids import Box, Capsule, Cone, Cylinder, Plane
 from wsim.simulation.simulation import Simulation
 
@@ -114,26 +116,67 @@ def test_grains_lie_on_a_shape_of_one_row_and_rise_with_it():
     assert away.min() > 0.02 - 1e-3 and (x[:, 2] > 0.25 + 0.1).all()
 
 
+PILLAR = Rounded(0.3, 0.2, 0.05)                # its top is 0.4 m high
+
+
+def met(**more) -> Scene:
+    scene = Scene(fps=24.0, frames=12, up="Z", gravity=(0.0, 0.0, -9.81), **more)
+    scene.collider("/pillar", PILLAR, at=(0.5, 0.5, 0.2))
+    return scene
+
+
+def away(x: np.ndarray) -> np.ndarray:
+    """Signed distance of places to it [m]."""
+    return solids.row(PILLAR).distance(PILLAR, x - [0.5, 0.5, 0.2])
+
+
 @pytest.mark.slow
-def test_a_shape_of_one_row_is_met_by_bodies_strands_and_liquids():
-    """A ball rests on its top, a strand lies across it, no liquid comes into it."""
-    scene = Scene(fps=24.0, frames=12, up="Z", gravity=(0.0, 0.0, -9.81))
-    scene.collider("/pillar", Rounded(0.3, 0.2, 0.05), at=(0.5, 0.5, 0.2))
+def test_strands_lie_on_a_shape_of_one_row():
+    scene = met()
+    scene.add(Rods("/hair", np.array([(x, 0.5, 0.42) for x in np.linspace(0.3, 0.7, 11)]), [11], [0.01]))
+    sim = Simulation(scene, device="cpu")
+    sim.run(12)
+    assert sim.positions("/hair")[3:8, 2] == pytest.approx(0.405, abs=2e-3) and away(sim.positions("/hair")).min() > 0.004
+
+
+def test_smoke_has_a_shape_of_one_row_where_it_is():
+    """At the nodes of its grid, within what tells an exact distance from a bound outside."""
+    scene = met()
+    scene.add(Fluid("/air", (0, 0, 0), (1, 1, 1), 0.1))
+    sim = Simulation(scene, device="cpu")
+    sim.step()
+    obstacles = sim.plan.method("fluid").domains[0].obstacles
+    nodes = 0.1 * np.stack(np.meshgrid(*[np.arange(11)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    phi, exact = obstacles.phi.numpy(), away(nodes)
+    assert np.abs(phi - exact)[exact < 0.0].max() < 1e-6 and (phi[exact > 1e-6] > 0.0).all()
+
+
+@pytest.mark.slow
+def test_bodies_and_liquids_meet_a_shape_of_one_row():
+    """A ball rests on its top, no liquid comes into it."""
+    scene = met()
     scene.add(Body("/ball", [Collider("/ball/shape", Sphere(0.1))], Motion.at_place((0.5, 0.5, 0.51))))
     sim = Simulation(scene, device="cpu")
     sim.run(12)
     assert sim.poses("/ball")["/ball"][2, 3] == pytest.approx(0.5, abs=2e-3)
     scene.others.clear()
-    hair = np.array([(x, 0.5, 0.42) for x in np.linspace(0.3, 0.7, 11)])
-    scene.add(Rods("/hair", hair, [11], [0.01]))
-    sim = Simulation(scene, device="cpu")
-    sim.run(12)
-    hangs = sim.positions("/hair")
-    assert hangs[3:8, 2] == pytest.approx(0.405, abs=2e-3) and np.isfinite(hangs).all()
-    scene.others.clear()
     scene.add(Liquid("/tank", (0, 0, 0), (1, 1, 1), 0.1))
     scene.add(LiquidSource("/water", Box((0.5, 0.5, 0.2)), Motion.at_place((0.5, 0.5, 0.6))))
     sim = Simulation(scene, device="cpu")
     sim.run(12)
-    x = sim.plan.method("liquid").particles(0)["x"] - [0.5, 0.5, 0.2]
-    assert len(x) > 1000 and solids.row(Rounded(0.3, 0.2, 0.05)).distance(Rounded(0.3, 0.2, 0.05), x).min() > -0.02
+    x = sim.plan.method("liquid").particles(0)["x"]
+    assert len(x) > 1000 and away(x).min() > -0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["xpbd", "implicit"])
+def test_a_cloth_that_meets_itself_lies_on_a_shape_of_one_row(solver):
+    """Where its edge hangs over the rim, nothing is nearer than the thickness of both."""
+    scene = met(solver=solver)
+    cloth = scene.cloth("/cloth", *shapes.sheet(0.8, 0.8, 12, 12, horizontal=True, up="Z", at=(0.5, 0.5, 0.415)),
+                        material=Fabric(stretch=200.0, bend=1e-4), self_collision=True)
+    scene.colliders[0].thickness = 0.01
+    sim = Simulation(scene, device="cpu")
+    sim.run(12)
+    x = sim.positions("/cloth")
+    assert away(x).min() > 0.99 * (0.01 + 0.5 * cloth.material.thickness) and x[:, 2].min() < 0.35

@@ -77,6 +77,7 @@ class Contacts:
         self.kinds = _kinds(self.rows.kind)
         self.gap, self.friction = self.rows.live(bodies.breadth, bodies.thin, bodies.whole, self.rows.sharp(bodies.edged))
         self.owner = np.full(len(self.rows.collider), -1)     # rigid body of each row
+        self.restitution = np.array([self.rows.colliders[k].restitution for k in self.rows.collider], np.float64)
         self.wanted = wp.zeros(1, dtype=int, device=self.device)
         self.substeps, self.dt = 0, dt
         self.time: float | None = None
@@ -146,8 +147,7 @@ class Contacts:
         mesh = np.array([0 if m is None else m.id for m in rows.meshes], np.uint64)
         self.table.first = self._array(rows.first, int)
         self.table.of = fill(self.real, self.device, [rows.kind[k] for k in of], size=rows.size[of], mesh=mesh[of],
-                             thick=self.gap, friction=self.friction, owner=self.owner,
-                             restitution=[rows.colliders[k].restitution for k in of])
+                             thick=self.gap, friction=self.friction, owner=self.owner, restitution=self.restitution)
 
     def _slots(self, capacity: int) -> None:
         t, n = self.types, self.count

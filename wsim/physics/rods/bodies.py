@@ -54,7 +54,7 @@ class Bodies:
         meeting = {id(body): colliders for body, colliders in met_by_strands(s.model.scene)}
         owners = [(k, world, c) for k, (body, world) in enumerate(rigid.bodies) for c in meeting.get(id(body), ())]
         own, rows = [c for *_, c in owners], [k for k, *_ in owners]
-        self.shapes = Obstacles(own, s.table, s.model.device, 0)
+        self.shapes = Obstacles(own, s.model.device, 0)
         self._tables(owners, places_of([rigid.masses[k] for k in rows], own, np.zeros((len(own), 3))), s)
         real, module = s.model.real, self.ground.module
         self.place, self.pose = strand_contacts.places(real, module)

@@ -73,7 +73,7 @@ class Strands(Method):
         bearing = bool(b.scene.things("Body") and self._met(b.scene))          # rigid bodies: likewise
         self.shortest = 1 if meeting or bearing else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
-        self.obstacles = Obstacles(b.scene.colliders, t, device, self.substeps)
+        self.obstacles = Obstacles(b.scene.colliders, device, self.substeps)
         names = self.obstacles.kinds
         self.airy, self.among = airy(b.scene), None      # type: bool, Any
         together = touching or bearing

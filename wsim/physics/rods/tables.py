@@ -137,11 +137,13 @@ class Table:
         """The constant tables."""
         def up(values, dtype=wp.float64):
             return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
-        tau = np.repeat([rods.damping for rods, _ in self.pairs], [own.stop - own.start for own in self.own])
+        each = [own.stop - own.start for own in self.own]
+        tau = np.repeat([rods.damping for rods, _ in self.pairs], each)
+        friction = np.repeat([(rods.static_friction, rods.dynamic_friction) for rods, _ in self.pairs], each, axis=0)
         damped = {"tau": up(tau.astype(np.float64))} if tau.any() else {}
         return filled(tables.Strands, **damped, points=up(self.counts.astype(np.int32), int), rest=up(self.rest, wp.vec3d),
                       hold=up(self.hold, int), clamped=up(self.clamped, int), origin=up(self.origin, wp.vec3d),
-                      **{name: up(value) for name, value in self.values.items()})
+                      friction=up(friction, wp.vec2d), **{name: up(value) for name, value in self.values.items()})
 
     def holds_on(self, device, substeps: int) -> tables.Holds:
         """Rows of held points; frames of pins, a row a substep, are zero yet."""

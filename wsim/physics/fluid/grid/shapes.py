@@ -22,10 +22,14 @@ TOUCH = 1e-3             # cells that a domain may reach beyond a face of a wall
 
 
 def half_thickness(shape: Any) -> float:
-    """Half the thickness of the thinnest part [m], of a mesh that of the thinnest tenth of its area; 0 of an open one."""
+    """Half the thickness [m]: of a convex shape its greatest depth on its own axis, of a mesh that of the thinnest tenth of its
+    area, of an open one 0."""
     if not isinstance(shape, Surface):
         found = row(shape)
-        return min(found.lengths(shape), default=np.inf) * (0.5 if found.kind == "cone" else 1.0)
+        if not np.isfinite(found.ball(shape)):
+            return np.inf
+        axis = np.outer(np.linspace(-1.0, 1.0, PLACES + 1) * found.ball(shape), (0.0, 0.0, 1.0))
+        return float(-found.distance(shape, axis).min())
     triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
     if not closed(triangles):
         return 0.0

@@ -115,9 +115,10 @@ class Touch(Substeps):
         bodies = np.array([self.owners[n][0] for _, n, _ in found], np.int32)
         own = [self.owners[n][2] for _, n, _ in found]
         places = places_of([self.rigid.masses[k] for k in bodies], own, np.zeros((len(own), 3)))
-        row = np.array([r for r, *_ in found], np.int32)
-        self.contacts.owner[row], table = bodies, self.contacts.table.of
-        table.owner.assign(self.contacts.owner)
+        row, table = np.array([r for r, *_ in found], np.int32), self.contacts.table.of
+        self.contacts.owner[row], self.contacts.restitution[row] = bodies, [c.restitution for c in own]
+        table.owner.assign(self.contacts.owner.astype(np.int32))
+        table.restitution.assign(self.contacts.restitution.astype(self.contacts.dtype))
         radius = rows.radius[rows.collider[row]] + self.contacts.gap[row]
         origins = np.stack([body.origin for body in model.bodies])
 
@@ -127,8 +128,8 @@ class Touch(Substeps):
         self.shapes = filled(
             Shapes, row=array(row, int), body=array(bodies, int), place=array(places, wp.transformd),
             ball=array(np.concatenate([rows.centers()[rows.collider[row]], radius[:, None]], 1), wp.vec4d),
-            origin=array(rows.origin[row], wp.vec3d), begin=array(self.rigid.origin, wp.vec3d), of=table.owner,
-            restitution=table.restitution, object=array(origins, wp.vec3d))
+            origin=array(rows.origin[row], wp.vec3d), begin=array(self.rigid.origin, wp.vec3d),
+            object=array(origins, wp.vec3d), of=table.owner, restitution=table.restitution)
         self.room()
         size = self.room_for * 100
         listing, solving = self.worlds.launches if self.worlds else (4, (6 + (not self.alone)) * self.rounds)
@@ -297,4 +298,3 @@ class Touch(Substeps):
         self.blocks(self.kernels["take"], [self.rows, self.contacts.push, self.found, 1, self.lanes], [rig])
         self.run("remember", self.model.points, [self.shapes.of, slots, at, self.found, memory],
                  [self.contact.anchor, s.v, s.e])
-
