@@ -37,10 +37,11 @@ ROUNDS = 12
 # over all substeps; the place of a point of one, and 1; the bits of two float32, sums of m |d|^2 [kg m^2] of substeps, and of
 # what was cut of it; substeps running in which a point lost more than LOSS of its motion, at most and at the end; of the
 # colliders of pairs that are left without a proof the last, its number and 1, and the first, MOST less its number; percent of a
-# mean edge by which surfaces that met came nearer in a substep, at most, where it was more than one; pairs of a list, at most
+# mean edge by which surfaces that met came nearer in a substep, at most, where it was more than one; pairs of a list, at most;
+# 1: surfaces came near each other in a frame with all stages, on the whole ways of their points
 WANTED, PROJECTED, TURNS, CUT, LOST, WHOLE, STAYED, CLOSE, SEARCHES, POINTS, BUSY, PINCHED, WHERE = range(13)
-MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER, FAST, LISTED = range(13, 21)
-SAID, MOST = 21, 1 << 30
+MOVED, TAKEN, RUN, RUNNING, LATTER, FORMER, FAST, LISTED, NEARBY = range(13, 22)
+SAID, MOST = 22, 1 << 30
 LOSS = 0.05            # of its motion that a point may lose in a substep
 UNIT = 2.0 ** 56       # per kg m^2
 
@@ -183,6 +184,7 @@ def tell(real, module):
         words[pairs.SWEPT] = 0
         words[pairs.TURNED] = 0
         said[BUSY] = wp.where(words[pairs.BEHIND] > words[pairs.EPOCH], 2, wp.max(words[pairs.NEAR], words[pairs.PROOF]))
+        words[pairs.CALM] = wp.where(said[BUSY] < 2, 1, 0)
         said[SEARCHES] = said[SEARCHES] + words[pairs.MADE]
         words[pairs.MADE] = 0
         words[pairs.EPOCH] = words[pairs.EPOCH] + 1

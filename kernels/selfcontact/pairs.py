@@ -27,10 +27,10 @@ STRANDS = 1 << 24                        # `body` of strands of rods, and of non
 # more than 100; pairs that a list of the frame had no room for; number of the substep behind the one that rows are of;
 # 1: the list is for a proof alone; 1: contacts are of one with narrow tubes, 2: with those of pairs that
 # are pressed in turn; most pairs of a list so far, or of what its candidates have taken room for; the end of the substep is not
-# proven yet
+# proven yet; no pair was about to push where the last substep ended
 SOON, NEAR, GOING, LEFT, ROUND, ROUNDS, BAD, OUT, CLOSER, CLOSE, SWEPT, TURNED, EPOCH, MADE, STRAYED, PINCH = range(16)
-WORST, RUN, AGE, NEARER, MORE, FAST, LACKED, BEHIND, PROOF, NARROW, LISTED, UNPROVEN = range(16, 28)
-WORDS = 28
+WORST, RUN, AGE, NEARER, MORE, FAST, LACKED, BEHIND, PROOF, NARROW, LISTED, UNPROVEN, CALM = range(16, 29)
+WORDS = 29
 # Of a row: weights; normal and distance there; push and distance that the pair keeps; push that the sweep before made, from
 # which the next leads ahead
 B, NORMAL, PUSH, PRIOR = range(4)

@@ -7,7 +7,8 @@ empty, the frame holds too. Else it is repeated with all stages. An explicit int
 frames whole. Mesh colliders that move turn as they like within a frame: then all frames have all stages, and so they have
 where strands of rods take part.
 
-A frame that is tried without stages in vain has cost its time. So behind one the next has all stages, behind a second two
+A frame that is tried without stages in vain has cost its time. So one is tried behind a frame with all stages that would have
+held without them, as a look back at its ways says. Behind one that was in vain the next has all stages, behind a second two
 in a row, then four, LONGEST at most: a cloth that swings by its corners goes further in a frame than its edges are long, and a
 look at the whole frame says too little. How many are to come is kept with the state, so that a restart goes on to the bit:
 explicit steps begin otherwise behind frames without stages.
@@ -15,20 +16,21 @@ explicit steps begin otherwise behind frames without stages.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
-from wsim.kernels.selfcontact import pairs, tubes
-from wsim.model.stage import FREE, Clock, Stage
+from wsim.kernels.selfcontact import cut, pairs, tubes
+from wsim.model.stage import FREE, MET, Clock, Stage
 from wsim.model.state import Field, Part
 from wsim.model.structs import filled
 
 if TYPE_CHECKING:
     from wsim.physics.selfcontact.method import SelfContact
+    from wsim.physics.selfcontact.near import Near
     from wsim.simulation.methods import Build
 
 ENDLESS = 1e30         # [m] that points may go within explicit frames: they are looked at where these end
@@ -57,8 +59,12 @@ class Apart:
         self.part.rows = {(method.surfaces.bodies[0].path, 0): np.array([0])}
         b.state.add(self.part)
         self.wait, self.tried, self.vain = 1, 0, False      # vain: the frame has been tried without stages, and repeated
-        self.stage = Stage("apart", "deform", self.look, 8, 9 * n * np.dtype(b.model.dtype).itemsize, "frame",
-                           "tubes of a whole frame", FREE)
+        size, what = 9 * n * np.dtype(b.model.dtype).itemsize, "tubes of a whole frame"
+        self.stages = [Stage("apart", "deform", self.look, 8, size, "frame", what, FREE)]
+        self.aside: Any = None           # a list of its own, that looks back
+        if not (method.strands or method.obstacles):
+            self.aside = method.near.beside()
+            self.stages.append(Stage("apart behind", "deform", self.look_back, 8, size, "frame", what, MET))
 
     def enter(self, clock: Clock) -> None:
         """The form that a frame takes first; colliders have had their say."""
@@ -71,7 +77,7 @@ class Apart:
             clock.after_free = apart
 
     def end(self, clock: Clock, busy: bool) -> None:
-        """A frame holds. busy: surfaces were about to push each other where it ended."""
+        """A frame holds. busy: surfaces were about to push each other where it ended, or came near each other in it."""
         before = self.wait, self.tried
         self.tried = 0 if clock.free else self.tried + self.vain
         self.wait = 0 if clock.free else min(1 << (self.tried - 1), LONGEST) if self.vain else max(self.wait - 1, int(busy))
@@ -92,22 +98,35 @@ class Apart:
             at = self.method.surfaces.borrow(self.model, at)
         near.move(at, 0)
         near.look(at)
-        wp.capture_if(near.word(pairs.OUT), lambda: self.search_twice(at))
+        wp.capture_if(near.word(pairs.OUT), lambda: self.search_twice(near, at))
         near.word(pairs.OUT).zero_()
         self.method.guarantee.close(self.method.said)
 
-    def search(self, at, tube: float = 1.0) -> None:
-        """A list along the ways of the frame. Points that their tubes do not hold on a way that turns count as near."""
-        near = self.method.near
+    def look_back(self, clock: Clock) -> None:
+        """Where a frame ends that had all stages, and in which nothing is about to push: whether it would have held without
+        them. The list of the substeps stays as it is."""
+        wp.capture_if(self.method.near.word(pairs.CALM), self.look_aside)
+
+    def look_aside(self) -> None:
+        self.model.launch(self.way, self.model.points, [self.x, self.state.x, self.state.e], [self.d])
+        self.search_twice(self.aside, filled(states(self.model.real), x=self.x, e=self.e, d=self.d, a=self.e))
+        wp.copy(self.method.said[cut.NEARBY:cut.NEARBY + 1], self.aside.word(pairs.NEAR))
+
+    def search(self, near: Near, at, tube: float = 1.0) -> None:
+        """A list along the ways of the frame. Points that their tubes do not hold on a way that turns count as near, and so do
+        more pairs than a short list has room for."""
+        if near is self.aside:
+            near.word(pairs.LACKED).zero_()
         near.search(at, 1, tube=tube)
         near.word(pairs.OUT).zero_()
         near.look(at, 1)
-        wp.capture_if(near.word(pairs.OUT), lambda: near.word(pairs.NEAR).fill_(1))
+        for word in (pairs.OUT, pairs.LACKED)[:1 + (near is self.aside)]:
+            wp.capture_if(near.word(word), lambda: near.word(pairs.NEAR).fill_(1))
 
-    def search_twice(self, at) -> None:
+    def search_twice(self, near: Near, at) -> None:
         """The list; where it has pairs, again in tubes that hold these ways and little more."""
-        self.search(at)
-        wp.capture_if(self.method.near.word(pairs.NEAR), lambda: self.search(at, TUBE))
+        self.search(near, at)
+        wp.capture_if(near.word(pairs.NEAR), lambda: self.search(near, at, TUBE))
 
     def look_at(self, x: wp.array, d: wp.array) -> None:
         """Bounds within a frame: there are none."""

@@ -94,7 +94,7 @@ class SelfContact(Method):
             stage.frames = MET
         self.settle = self._settle()
         self.apart = Apart(self, b, module)
-        self.stages.append(self.apart.stage)
+        self.stages += self.apart.stages
         self.offers = {"clearance": self.apart, "self-contact": self, "start": start}
 
     def _settle(self) -> Settle:
@@ -279,7 +279,7 @@ class SelfContact(Method):
         moved, taken = said[[cut.MOVED, cut.TAKEN]].astype(np.int32).view(np.float32)
         self.swept, self.taken = self.swept + float(moved) * self.clock.h, self.taken + float(taken)
         self.frames += 1
-        self.apart.end(self.clock, said[cut.BUSY] > 1)
+        self.apart.end(self.clock, said[cut.BUSY] > 1 or bool(said[cut.NEARBY]))
         if self.near.widen(int(said[cut.LISTED])):
             self.room()
         return frame_warnings(self, said)

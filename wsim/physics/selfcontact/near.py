@@ -7,6 +7,7 @@ keeps what it holds. A list that overflows within a frame makes the frame be rep
 
 from __future__ import annotations
 
+from copy import copy
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ MORE = 4               # times the pairs that were wanted that there is room for
 AROUND = 12            # candidates a point that there is room for besides: those of a flat cloth
 EPOCHS = 1 << 16       # substeps that a frame has fewer of
 LEAST, THREADS = 1 << 14, 1 << 18      # threads that go through pairs and candidates on a GPU
+SHORT = 64             # pairs of a list of which one counts
 SORTED = 8             # frames after which trees are sorted anew: boxes of what has folded overlap
 
 
@@ -73,6 +75,17 @@ class Near:
         self.threads = min(max(LEAST, 8 * len(surfaces.points)), THREADS) if device.is_cuda else 1
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
         self.room(max(1024, EACH * len(surfaces.points)))
+
+    def beside(self) -> Near:
+        """A short list of the same surfaces: a search for it leaves this one as it is."""
+        other, device = copy(self), self.model.device
+        other.words, other.capacity = wp.zeros_like(self.words), 0
+        other.frames = filled(tubes.frames(self.model.real), **{k: wp.clone(v) for k, v in values(self.frames).items()})
+        other.listed_at, other.found_at = Placed(pairs.lists(self.model.real), device), Placed(pairs.Candidates, device)
+        other.listed_at.put(**{name: wp.zeros(1, dtype=int, device=device) for name in ("count", "rows", "active")})
+        other.found_at.put(count=wp.zeros(1, dtype=int, device=device))
+        other.room(SHORT)
+        return other
 
     def _spans(self) -> list[tuple[int, slice]]:
         """Kind and stretch of each tree: triangles and edges that are no collider's, then those that are."""
