@@ -31,18 +31,35 @@ class Ledger:
     rise: wp.array(dtype=wp.vec4d)             # of the last frame: rise, what it may be, K, W [J]
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    for (unsigned k = lanes / 2; k > 0; k >>= 1)
+        for (int c = 0; c < 4; ++c) v[c] += __shfl_xor_sync(0xffffffffu, v[c], k);
+#endif
+    return v;
+""")
+def sum_lanes(v: wp.vec4d, lanes: int) -> wp.vec4d:
+    """Sum over the lanes of a warp, the same in each."""
+    ...
+
+
 @wp.kernel(module="wsim_ledger", enable_backward=False)
-def close_frame(rows: wp.array(dtype=wp.vec4d), terms: int, part: wp.float64, ledger: Ledger, word: wp.array(dtype=int)):
-    """A thread a world. rows: those of its threads, term by term, (terms, worlds, threads). word: 1 where energy rose too much,
-    2 where speeds did."""
-    w = wp.tid()
+def close_frame(rows: wp.array(dtype=wp.vec4d), terms: int, lanes: int, part: wp.float64, ledger: Ledger,
+                word: wp.array(dtype=int)):
+    """So many lanes a world, 1 or a warp of a GPU. rows: those of its threads, term by term, (terms, worlds, threads). word: 1
+    where energy rose too much, 2 where speeds did."""
+    w = wp.tid() // lanes
+    lane = wp.tid() % lanes
     worlds = ledger.lowest.shape[0]
     threads = rows.shape[0] // (terms * worlds)
     sum = wp.vec4d()
     for term in range(terms):
         first = (term * worlds + w) * threads
-        for k in range(threads):
+        for k in range(lane, threads, lanes):
             sum += rows[first + k]
+    sum = sum_lanes(sum, lanes)
+    if lane > 0:
+        return
     upper = sum[0] + sum[2]
     ledger.most[w] = wp.max(ledger.most[w], sum[0])
     bound = part * ledger.most[w] + ledger.floor[w]

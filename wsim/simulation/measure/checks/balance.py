@@ -136,8 +136,9 @@ class Balance(Method):
     def close(self, begins: bool = False) -> None:
         """Launches the terms and the balance. begins: where a frame begins."""
         self.terms.launch(begins)
-        self.model.launch(ledger.close_frame, self.model.worlds, [self.terms.rows, len(self.terms.each), PART, self.ledger],
-                          [self.status.word(WORD)])
+        lanes = 32 if self.model.device.is_cuda else 1
+        self.model.launch(ledger.close_frame, lanes * self.model.worlds,
+                          [self.terms.rows, len(self.terms.each), lanes, PART, self.ledger], [self.status.word(WORD)])
 
     def retry(self, status: Status) -> list[Remedy]:
         """More substeps; or backward Euler, where surfaces collide by an integrator that damps nothing of what it does not
