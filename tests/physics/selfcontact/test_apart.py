@@ -54,6 +54,13 @@ def test_frames_without_stages_have_the_bits_of_frames_with_them(solver, monkeyp
     assert np.array_equal(*found)
 
 
+def test_no_frame_is_tried_without_stages_behind_one_that_would_not_have_held_so():
+    """A sheet that crumples lists pairs in all of its frames; none is repeated."""
+    sim = run(crumple(3, 24, 8.0, **SOLVERS["xpbd"]))
+    sim.run(4)
+    assert sim.forms == {"free": 0, "met": 4, "repeated": 0}
+
+
 @pytest.mark.parametrize("solver", solvers("leapfrog", "xpbd"))
 def test_a_restart_goes_on_to_the_bit_behind_frames_without_stages(solver):
     """Leapfrog begins otherwise behind one."""
