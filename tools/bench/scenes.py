@@ -9,7 +9,7 @@ first      s from the import of Warp to the end of the first frame: load, build,
 median, p99      ms a frame, without the first two
 own        ms that the scene's rate of frames leaves for a frame, in asterisks where p99 is more
 captures   graphs captured after the tenth frame
-launches   kernel launches that the graph of a frame holds; a loop that ends on the device counts once
+launches   kernel launches that the largest graph of a frame holds; a loop that ends on the device counts once
 python     ms a frame outside the launch of graphs and the wait for the device
 said       error of positions that the run states, in % of the size of what moves
 strain     rms of edges, or of a rod's [%]; overlap: deepest penetration [mm]; energy: unexplained change [%]
@@ -28,6 +28,7 @@ import tempfile
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +51,7 @@ class Watch:
         import warp as wp
 
         from wsim.model import kernel_cache, status
-        self.launched, self.captured, self.away, self.inside = 0, 0, 0.0, False
+        self.launched, self.most, self.captured, self.away, self.inside = 0, 0, 0, 0.0, False
         self.wrap_attribute(wp, "capture_launch", self.timed_call)
         self.wrap_attribute(wp, "launch", self.counted_launch)
         self.wrap_attribute(wp, "launch_tiled", self.counted_launch)
@@ -80,9 +81,12 @@ class Watch:
         return run
 
     def counted_capture(self, call):
+        @contextmanager
         def run(*args, **more):
             self.captured, self.launched = self.captured + 1, 0
-            return call(*args, **more)
+            with call(*args, **more) as capture:
+                yield capture
+            self.most = max(self.most, self.launched)
         return run
 
 
@@ -118,7 +122,7 @@ def measure_scene(name: str, device: str, seconds: float) -> dict:
     return {"scene": name, "device": device, "solver": report.get("solver"), "substeps": report.get("substeps"),
             "first": first, "seconds": report["seconds"], "frames": len(each), "median": float(np.median(late)),
             "p99": float(np.percentile(late, 99)), "own": 1e3 / scene.fps, "captures": captures[-1] - settled,
-            "launches": watch.launched, "python": float(np.median(python[EARLY:] or python)),
+            "launches": watch.most, "python": float(np.median(python[EARLY:] or python)),
             "said": (report.get("predicted") or {}).get("error"), **worst, "energy": error.get("energy_change"),
             "seen": seen, "each": [round(ms, 3) for ms in each]}
 
