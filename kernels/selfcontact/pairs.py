@@ -88,8 +88,9 @@ def lists(real):
         row: wp.array(dtype=int)                  # them
         four: wp.array(dtype=wp.vec4i)            # their points, and what else sweeps need of row j, side by side in memory:
         swept: wp.array(dtype=t.vec4)             # B, NORMAL, PUSH and PRIOR of `4 j`, (4 capacity,)
-        active: wp.array(dtype=int)               # rows that take part in sweeps, (1,)
+        active: wp.array(dtype=int)               # rows that take part in sweeps, and that may soon do so, (2,)
         on: wp.array(dtype=int)                   # them
+        seen: wp.array(dtype=int)                 # the latter, with those that do
         bad: wp.array(dtype=int)                  # 1: not certified; 2: it was closer than s already, and is let be
         # of row j where Newton steps solve for them (kernels/selfcontact/newton/law.py), else empty:
         stiff: wp.array(dtype=t.scalar)           # stiffness over rate [kg]; 0: the row is not solved for

@@ -37,6 +37,9 @@ from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.couple import holding
 
 SMALL = 1e-3           # of what a pair keeps: one that is as near to it takes part in the last sweep of an iteration only,
+TAKES, NEARLY = 2, 1   # see `asking`
+BRIEF = 3              # sweeps of a call in which all rows are asked once
+NEARLY_SO = 0.25       # of what a pair keeps: it is asked between sweeps as long as it is as near to that
 DEPTH = 0.5            # of what a pair is to keep: sweeps go on while one would end nearer
 SPARED = -2            # number of a sweep that is left out where pairs are taken in turn, which press as much as two at once
 MORE, AGAIN = 24, 96   # sweeps of one block that leads ahead; those behind which it begins anew
@@ -46,7 +49,8 @@ CALM = 1e-4            # if it slips and errs by less than this over the substep
 
 @cache
 def asking(real):
-    """Function (at, climb, calm, all, j, near): True if row j takes part in sweeps to come."""
+    """Function (at, climb, calm, all, j, near): whether row j takes part in sweeps to come, or nearly does (TAKES, NEARLY).
+    all 0: one that errs by less than SMALL and `calm` does not."""
     t = types(real)
     Pairs, State = pairs.lists(real), states(real)
 
@@ -71,9 +75,18 @@ def asking(real):
                 for k in range(4):
                     slip += b[k] * (at.d[ids[k]] - at.a[ids[k]])
                 takes = wp.length(slip - wp.dot(slip, n) * n) > small
-        return takes
+        if takes:
+            return TAKES
+        return wp.where(C < real(NEARLY_SO) * push[3], NEARLY, 0)
 
     return ask
+
+
+@wp.func
+def asked(k: int, count: int):
+    """True if all rows are asked before sweep k of so many: before the first, and before the last of more than BRIEF; else
+    those that nearly took part before the first."""
+    return k == 0 or (k == count - 1 and count > BRIEF)
 
 
 @wp.func
@@ -84,20 +97,27 @@ def weight(b: Any):
 
 @cache
 def lean(real, module):
-    """Kernel: which of the pairs within reach take part in the sweeps to come; their weights are summed up by point. all 0:
-    those that err by less than SMALL and `calm` do not. Each of `threads` takes every threads-th pair."""
+    """Kernel: which of the pairs within reach take part in the sweeps to come; their weights are summed up by point. k: number
+    of the sweep, of how many, see `asked`. Each of `threads` takes every threads-th pair."""
     Pairs, State, Sums, ask = pairs.lists(real), states(real), pairs.sums(real), asking(real)
 
     @wp.kernel(module=module, enable_backward=False)
-    def lean_pairs(at: State, climb: real, calm: real, all: int, threads: int, near_at: wp.array(dtype=Pairs), to: Sums):
+    def lean_pairs(at: State, climb: real, calm: real, k: wp.vec2i, threads: int, near_at: wp.array(dtype=Pairs), to: Sums):
         near = near_at[0]
-        j = wp.tid()
-        while j < near.rows[0]:
-            if ask(at, climb, calm, all, j, near):
+        all = asked(k[0], k[1])
+        i = wp.tid()
+        while i < wp.where(all, near.rows[0], near.active[1]):
+            j = int(i)
+            if not all:
+                j = near.seen[i]
+            found = ask(at, climb, calm, wp.where(k[0] == k[1] - 1, 1, 0), j, near)
+            if found == TAKES:
                 near.on[wp.atomic_add(near.active, 0, 1)] = j
-                for k in range(4):
-                    wp.atomic_add(to.share, near.four[j][k], weight(near.swept[4 * j + pairs.B][k]))
-            j += threads
+                for c in range(4):
+                    wp.atomic_add(to.share, near.four[j][c], weight(near.swept[4 * j + pairs.B][c]))
+            if k[0] == 0 and found > 0:
+                near.seen[wp.atomic_add(near.active, 1, 1)] = j
+            i += threads
 
     return lean_pairs
 

@@ -21,11 +21,12 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.couple import holding
-from wsim.kernels.selfcontact.rows import SPARED, asking, leads, pressing, weight, writing
+from wsim.kernels.selfcontact.rows import SPARED, TAKES, asked, asking, leads, pressing, weight, writing
 
 BLOCK = 256            # threads of one on a GPU, for which there are 255 registers each
 FEW = 1 << 14          # rows that one cluster takes, of more blocks
-WORDS = 5              # where blocks meet; rows that take part and points that they move, of this turn of asking and the next
+WORDS = 6              # where blocks meet; rows that take part and points that they move, of this turn of asking and the next;
+                       # rows that are asked between sweeps
 
 
 @cache
@@ -143,18 +144,27 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
         return turn + 1
 
     @wp.func
-    def choose(at: State, how: How, last: int, near: Pairs, to: Sums, side: int, lane: int, threads: int):
-        """Lists the rows that take part, and the points that they move."""
-        j = int(lane)
-        while j < near.rows[0]:
-            if ask(at, how.climb, how.calm, last, j, near):
+    def choose(at: State, how: How, k: int, near: Pairs, to: Sums, side: int, span: wp.vec2i):
+        """Lists the rows that take part in sweeps from number k on, and the points that they move. span: lane, threads."""
+        last = wp.where(k == how.count - 1, 1, 0)
+        all = asked(k, how.count)
+        rows = wp.where(all, near.rows[0], how.words[5])
+        i = span[0]
+        while i < rows:
+            j = int(i)
+            if not all:
+                j = near.seen[i]
+            found = ask(at, how.climb, how.calm, last, j, near)
+            if found == TAKES:
                 near.on[wp.atomic_add(how.words, 1 + side, 1)] = j
-                for k in range(4):
-                    i = near.four[j][k]
-                    if wp.atomic_add(to.share, i, weight(near.swept[4 * j + pairs.B][k])) == 0:
-                        how.moved[wp.atomic_add(how.words, 3 + side, 1)] = i
-            j += threads
-        if lane == 0:
+                for c in range(4):
+                    p = near.four[j][c]
+                    if wp.atomic_add(to.share, p, weight(near.swept[4 * j + pairs.B][c])) == 0:
+                        how.moved[wp.atomic_add(how.words, 3 + side, 1)] = p
+            if k == 0 and found > 0:
+                near.seen[wp.atomic_add(how.words, 5, 1)] = j
+            i += span[1]
+        if span[0] == 0:
             how.words[2 - side] = 0
             how.words[4 - side] = 0
 
@@ -230,7 +240,7 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
             turn = bool(wp.static(turns)) and more < 0 and words[pairs.NARROW] > 0
             if k % how.anew == 0 or last == 1:
                 side = 1 - side
-                choose(at, how, last, near, to, side, lane, every)
+                choose(at, how, k, near, to, side, wp.vec2i(lane, every))
                 met = together(few, how, met)
                 active = how.words[1 + side]
                 moved = how.words[3 + side]

@@ -70,7 +70,7 @@ class Near:
         self.age = self.rounds = self.capacity = 0
         self.solves = False                      # True: Newton steps solve for rows
         self.listed_at, self.found_at = Placed(pairs.lists(real), device), Placed(pairs.Candidates, device)
-        self.listed_at.put(**{name: zeros(1, dtype=int) for name in ("count", "rows", "active")})
+        self.listed_at.put(**{name: zeros(n, dtype=int) for name, n in (("count", 1), ("rows", 1), ("active", 2))})
         self.found_at.put(count=zeros(1, dtype=int))
         self.threads = min(max(LEAST, 8 * len(surfaces.points)), THREADS) if device.is_cuda else 1
         self.epoch, self.running = 1, 0          # running: substeps at the end of the frame before in which points lost much
@@ -127,7 +127,7 @@ class Near:
         self.listed_at.put(
             capacity=capacity, ids=zeros(dtype=wp.vec4i), four=zeros(dtype=wp.vec4i), b=zeros(dtype=t.vec4),
             swept=wp.zeros(4 * capacity, dtype=t.vec4, device=self.model.device),
-            **{k: zeros(dtype=int) for k in ("kind", "on", "bad", "row")},
+            **{k: zeros(dtype=int) for k in ("kind", "on", "seen", "bad", "row")},
             **{k: zeros(dtype=t.scalar) for k in scalars}, **{k: zeros(dtype=t.vec3) for k in vectors})
         if self.solves:
             self.solve()

@@ -68,14 +68,15 @@ class Sweeps:
 
     def _parts(self, clock: Clock, count: int, leads: bool, anew: int, spared: int) -> None:
         """A launch for each part of a sweep."""
+        import warp as wp
         method, near, launch = self.method, self.method.near, self.model.launch
         data, at, climb, calm = method.surfaces.data, method.at(), rows.RECOVERY * clock.h, rows.CALM * clock.h
         threads, listed = near.threads, near.table
         for k in range(count):
             last = int(k == count - 1)
             if k % anew == 0 or last:
-                near.pairs.active.zero_()
-                launch(self.lean, threads, [at, climb, calm, last, threads, listed], [near.sums])
+                (near.pairs.active[:1] if k else near.pairs.active).zero_()
+                launch(self.lean, threads, [at, climb, calm, wp.vec2i(k, count), threads, listed], [near.sums])
             again = int(last or k == count - 2 or k % anew == anew - 1)
             more = k if leads else rows.SPARED if k == spared else -1
             launch(self.press, threads, [data, at, climb, more, threads, listed, near.words], [near.sums])
