@@ -58,8 +58,7 @@ class Motion(Curve):
             raise ValueError("outside of its keys a motion is held, linear, repeat, reset, oscillate; a slope is for a Curve")
         self.path = Curve(self.times, self.values[:, :3, 3], kind, before, after, **how)     # of the places
         self.kind, self.before, self.after, self.how = kind, before, after, self.path.how
-        self.parts: list = []                # rotation and stretch of each key, once asked for
-        self.turned: dict = {}               # axis and angle from a key to the next, once asked for
+        self.turned: Any = None              # of keys and between them, once asked for: `_turns`
         self.made: Any = None                # turns between keys, once asked for
 
     @staticmethod
@@ -98,18 +97,18 @@ class Motion(Curve):
         a, b, s = _segment(self.times, t)
         if a == b:
             return self.values[a]
-        A, B = self.values[a], self.values[b]
-        if not self.parts:
-            self.parts = [polar(M[:3, :3]) for M in self.values]
-        (Ra, Sa), (Rb, Sb) = self.parts[a], self.parts[b]
-        if a not in self.turned:
-            turn = axis_angle(Ra.T @ Rb)
-            self.turned[a] = turn[0], float(turn[1])
-        axis, angle = self.turned[a]
+        A, B, (R, S, axis, angle) = self.values[a], self.values[b], self._turns()
         M = np.eye(4)
-        M[:3, :3] = Ra @ about_axis(axis, s * angle) @ (Sa + s * (Sb - Sa))
+        M[:3, :3] = R[a] @ about_axis(axis[a], s * angle[a]) @ (S[a] + s * (S[b] - S[a]))
         M[:3, 3] = A[:3, 3] + s * (B[:3, 3] - A[:3, 3])
         return M
+
+    def _turns(self) -> tuple:
+        """Rotations and stretches of the keys, (keys, 3, 3), axes (keys - 1, 3) and angles [rad] from each key to the next."""
+        if self.turned is None:
+            R, S = polar(self.values[:, :3, :3])
+            self.turned = R, S, *axis_angle(R[:-1].swapaxes(1, 2) @ R[1:])
+        return self.turned
 
     def sampled(self, t) -> np.ndarray:
         """Transforms at times (n,) [s], (n, 4, 4)."""
@@ -117,30 +116,16 @@ class Motion(Curve):
         return self._straight(t) if self.plain else self._moved(t)[0]
 
     def _straight(self, t: np.ndarray) -> np.ndarray:
-        """As `at` says, to the bit, all times between two keys at once."""
-        M, begin = np.empty((len(t), 4, 4)), np.searchsorted(self.times, t, side="right")
-        for b in np.unique(begin):
-            own = np.flatnonzero(begin == b)
-            if b in (0, len(self.times)) or b - 1 not in self.turned:
-                M[own] = self.at(t[own[0]])
-            if b in (0, len(self.times)):
-                continue
-            if self.turned[b - 1][1] == 0.0 and np.array_equal(self.parts[b - 1][1], self.parts[b][1]):
-                A, B, first = self.values[b - 1], self.values[b], self.times[b - 1]
-                M[own] = self.at(t[own[0]])
-                M[own, :3, 3] = A[:3, 3] + ((t[own] - first) / (self.times[b] - first))[:, None] * (B[:3, 3] - A[:3, 3])
-            else:
-                M[own] = self._between(b - 1, t[own])
-        return M
-
-    def _between(self, a: int, t: np.ndarray) -> np.ndarray:
-        """Transforms at times (n,) between key a and the next, as `at` has them, once it has looked there."""
-        A, B, ((Ra, Sa), (_, Sb)) = self.values[a], self.values[a + 1], self.parts[a:a + 2]
-        (axis, angle), M = self.turned[a], np.tile(np.eye(4), (len(t), 1, 1))
-        s = (t - self.times[a]) / (self.times[a + 1] - self.times[a])
-        turn = about_axis(np.broadcast_to(axis, (len(t), 3)), s * angle)
-        M[:, :3, :3] = Ra @ turn @ (Sa + s[:, None, None] * (Sb - Sa))
-        M[:, :3, 3] = A[:3, 3] + s[:, None] * (B[:3, 3] - A[:3, 3])
+        """As `at` says, to the bit, all times at once."""
+        begin, last = np.searchsorted(self.times, t, side="right"), len(self.times) - 1
+        M = self.values[np.minimum(begin, last)]
+        inside = np.flatnonzero((begin > 0) & (begin <= last))
+        if len(inside):
+            b, (R, S, axis, angle) = begin[inside], self._turns()
+            a, A, B = b - 1, self.values[b - 1, :3, 3], self.values[b, :3, 3]
+            s = (t[inside] - self.times[a]) / (self.times[b] - self.times[a])
+            M[inside, :3, :3] = R[a] @ about_axis(axis[a], s * angle[a]) @ (S[a] + s[:, None, None] * (S[b] - S[a]))
+            M[inside, :3, 3] = A + s[:, None] * (B - A)
         return M
 
     def rate(self, t) -> np.ndarray:
