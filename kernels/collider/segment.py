@@ -145,6 +145,10 @@ def queries(kinds: tuple[str, ...], real) -> SimpleNamespace:
                 along = slack * wp.normalize(q - p)
                 start = p + wp.min(slack, real(0.0)) * wp.normalize(q - p)
                 found = wp.mesh_query_ray_anyhit(mesh, wp.vec3f(start), wp.vec3f(q - along - start), float(1.0))
+                if slack < real(0.0) and not found:            # a ray along a face misses it
+                    found = wp.mesh_query_point_no_sign(mesh, wp.vec3f(p), -float(slack)).result
+                    if not found:
+                        found = wp.mesh_query_point_no_sign(mesh, wp.vec3f(q), -float(slack)).result
         if wp.static(has_convex):
             if kind < SOLID:
                 phi, n = apart(kind, size, p)
