@@ -6,9 +6,10 @@ points and sweeps of a substep in one launch. kernels/rigid/touch/points.py has 
             take                     momenta of each body
             sweep                    bodies against each other and against colliders, colour by colour
 
-A star foresees where its body goes if nothing else pushes it. Once all bodies of a world have the momenta that their stars have
-foreseen, to NEAR, and points with several contacts stay where they are, another round would change nothing: the world ends. The
-first star begins at V = 0, the next ones at the V before.
+A star foresees where its body goes if nothing else pushes it. Once each body of a world has the momenta that its star has
+foreseen, to NEAR, or those that it had before the round, and points with several contacts stay where they are, another round
+would change nothing: the world ends. The first star begins at V = 0, the next ones at the V before. (What a star foresees may
+stay off: it takes static or dynamic friction of each contact as the round before has left it.)
 """
 
 # Device code: an outer `if` on a Python bool drops its branch before it is compiled.
@@ -54,6 +55,7 @@ def worlds(real):
         going: wp.array(dtype=int)                # of worlds: 1 points moved in the last round, 0 none did, -1 it ended
         V: wp.array(dtype=wp.vec3d)               # velocity, then spin, less those that contacts were found with, (2 bodies,)
         aim: wp.array(dtype=wp.vec3d)             # momenta that the stars have foreseen, (2 bodies,)
+        was: wp.array(dtype=wp.vec3d)             # momenta before the round, (2 bodies,)
         left: wp.array(dtype=real)                # see `star.solving`
 
     return Worlds
@@ -147,7 +149,7 @@ def list_touches(real, threads: int, module):
 @cache
 def reaching(real):
     """(foresee, reached): functions of body i: the star, by a team; whether the body has the momenta that the star has
-    foreseen. first: 1 in the first round."""
+    foreseen, or those before the round. first: 1 in the first round."""
     Worlds, Rig, Slots, Points = worlds(real), whole(real), project.slots(real), structs(real)[2]
     Table = project.tables(real)[0]
     (gather, tell), (hub, _), solve = of_contacts(real), of_bodies(real), solving(real)
@@ -174,8 +176,10 @@ def reaching(real):
             W.V[i] = v
             W.V[n + i] = o
             W.left[i] = left
-            W.aim[i] = double3(rig.now.p[i])
-            W.aim[n + i] = double3(rig.now.L[i])
+            W.was[i] = double3(rig.now.p[i])
+            W.was[n + i] = double3(rig.now.L[i])
+            W.aim[i] = W.was[i]
+            W.aim[n + i] = W.was[n + i]
             if W.rows.first[i + 1] > W.rows.first[i]:
                 W.aim[i] = (W.found.ahead[i] + v) / wp.float64(rig.b.w[i])
                 W.aim[n + i] = rotate_moments(wp.mat33d(rig.work.turn[i]), double3(rig.b.inverse[i]), W.found.ahead[n + i] + o)
@@ -189,7 +193,9 @@ def reaching(real):
         n = rig.b.w.shape[0]
         p = W.aim[i]
         L = W.aim[n + i]
-        off = energy(rig, i, double3(rig.now.p[i]) - p, double3(rig.now.L[i]) - L)
+        own = double3(rig.now.p[i])
+        turning = double3(rig.now.L[i])
+        off = wp.min(energy(rig, i, own - p, turning - L), energy(rig, i, own - W.was[i], turning - W.was[n + i]))
         weight = wp.float64(rig.work.g * h)
         all = energy(rig, i, p, L) + energy(rig, i, W.found.total[i], W.found.total[n + i])
         return off <= wp.float64(near) * (all + weight * weight / wp.float64(rig.b.w[i]))

@@ -42,7 +42,7 @@ class Worlds:
             rounds.worlds(touch.real), rows=touch.rows, hubs=touch.hubs, found=touch.found, shapes=touch.shapes,
             first=wp.array(first, dtype=int, device=model.device), points=model.points // worlds, many=zeros(worlds, int),
             point=zeros(model.points, int), count=zeros(n, int), going=zeros(worlds, int), V=touch.V,
-            aim=zeros(2 * n, wp.vec3d), left=touch.left)
+            aim=zeros(2 * n, wp.vec3d), was=zeros(2 * n, wp.vec3d), left=touch.left)
 
     def list(self, clock: Clock) -> None:
         """Lists points that touch something, and contacts in the order of bodies, behind a search."""
