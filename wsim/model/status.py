@@ -17,6 +17,7 @@ class Status:
         self._array: wp.array | None = None
         self._host: wp.array | None = None
         self._words: np.ndarray | None = None        # the memory that a frame leaves them in
+        self.mirrors: list[tuple[wp.array, wp.array]] = []             # pinned memory, and what a frame copies to it
 
     def reserve(self, name: str, count: int = 1) -> None:
         """`count` words of this name; methods may share one. Raises ValueError where it has another count, or when a word is in
@@ -37,6 +38,15 @@ class Status:
             if self.device.is_cuda:                      # pinned memory that a frame copies its words to
                 self._host = wp.zeros(max(self.size, 1), dtype=int, device="cpu", pinned=True)
             self._words = (self._array if self._host is None else self._host).numpy()
+
+    def mirrored(self, shape: tuple[int, ...], dtype) -> tuple[wp.array, np.ndarray]:
+        """Zeros on the device, and their values as the frame that was waited for has left them. These come with the words: to
+        read an array of a GPU by itself takes 0.15 ms."""
+        array = host = wp.zeros(shape, dtype=dtype, device=self.device)
+        if self.device.is_cuda:
+            host = wp.zeros(shape, dtype=dtype, device="cpu", pinned=True)
+            self.mirrors.append((host, array))
+        return array, host.numpy()
 
     @property
     def array(self) -> wp.array:
@@ -61,6 +71,8 @@ class Status:
         """Launches what a frame ends with."""
         if self._host is not None:
             wp.copy(self._host, self.array)
+        for host, array in self.mirrors:
+            wp.copy(host, array)
 
     def wait(self) -> None:
         """Waits until the frame launched last is done: then its words are there."""

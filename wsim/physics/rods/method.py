@@ -87,7 +87,7 @@ class Strands(Method):
         self.strands, self.holds = t.strands_on(device), t.holds_on(device, self.substeps)
         self.loads = StrandLoads(b.scene, t, self.strands, self.substeps)
         self.trial = self._trial(together)
-        self.said = wp.zeros((t.strands, 3), dtype=wp.float64, device=device)
+        self.said, self.left = b.status.mirrored((t.strands, 3), wp.float64)
         self.touching: Any = None
         if together:
             self.touching = self._touching(own, b.status, touching, bearing)
@@ -239,10 +239,9 @@ class Strands(Method):
                   device=self.model.device, block_dim=THREADS)
 
     def notes(self, status: Status) -> list[tuple[tuple, float, str]]:
-        (left, deep), found = self.said.numpy()[:, 1:3].T, []
+        (left, deep), found = self.left[:, 1:3].T, []
         for own, (rods, world) in zip(self.table.own, self.table.pairs, strict=True):
-            worst = float(left[own].max(initial=0.0))
-            if worst > float(TOLERANCE):
+            if (worst := float(left[own].max(initial=0.0))) > float(TOLERANCE):
                 found.append((("rods", rods.path, world), worst, f"{rods.path}: Newton's method left corrections of "
                               "{worst} of an edge's length in a substep; give more substeps"))
                 inside = float(deep[own].max())

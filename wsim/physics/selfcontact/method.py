@@ -224,7 +224,8 @@ class SelfContact(Method):
 
     def before_frame(self, time: float, clock: Clock) -> None:
         if self.fresh:
-            self.near.build(*(() if self.surfaces.state else (self.own(), clock.h * self.state.v.numpy())))
+            first = self.near.age == 0 and not self.surfaces.state
+            self.near.build(*((self.own(), clock.h * self.state.v.numpy()) if first else ()))
             self.room()
         else:
             self.near.anew()

@@ -42,6 +42,7 @@ class Reasons:
         found += [f"rods {r.path}" for r in scene.things("Rods")]
         self.always = found
         self.colliders = scene.colliders if points else []
+        self.sizes = {c.path: extent(c.shape) for c in self.colliders}
         pins = b.methods.find("pins")
         self.pins = pins
         self.paths = [p.pin.path for p in pins.groups["hard"]] if pins else []
@@ -61,7 +62,7 @@ class Reasons:
         speeds = {p.pin.path: pulled(p, time, dt) for p in (self.pins.unseen() if self.pins else ())}
         speeds |= {j.path: inf for j in self.joints if moves_within(j.motion, time, dt)}
         known = self.works.colliders
-        speeds |= {c.path: pushed(c, time, dt) for c in self.colliders if (not known or c.restitution)}
+        speeds |= {c.path: pushed(c, time, dt, self.sizes[c.path]) for c in self.colliders if (not known or c.restitution)}
         found = [path for path, speed in speeds.items() if speed > STILL]
         return [f"{path} moves" for path in found[:1]], max((speeds[path] for path in found), default=0.0)
 
@@ -72,14 +73,18 @@ def pulled(pin, time: float, dt: float) -> float:
     return 2.0 / dt * max(float(np.linalg.norm(b - a, axis=1).max(initial=0.0)) for a, b in pairwise(places))
 
 
-def pushed(collider, time: float, dt: float) -> float:
-    """Greatest speed [m/s] of a collider in a frame, at most; inf where its points move."""
+def pushed(collider, time: float, dt: float, size: float) -> float:
+    """Greatest speed [m/s] of a collider in a frame, at most; inf where its points move. size: `extent` of its shape."""
     if getattr(collider.shape, "poses", None) is not None:
         return inf
     if not collider.motion.moves:
         return 0.0
     M = [collider.motion.at(time + s * dt) for s in (0.0, 0.5, 1.0)]
-    size = sum(float(np.abs(value).max(initial=0.0)) for value in map(np.asarray, vars(collider.shape).values())
-               if value.dtype.kind == "f")
     moved = [b - a for a, b in pairwise(M)]
     return 2.0 / dt * max(float(np.linalg.norm(D[:3, 3]) + np.linalg.norm(D[:3, :3]) * size) for D in moved)
+
+
+def extent(shape) -> float:
+    """Sum of the largest numbers of a shape's fields [m]: no point of it is farther from its origin."""
+    fields = map(np.asarray, vars(shape).values())
+    return sum(float(np.abs(value).max(initial=0.0)) for value in fields if value.dtype.kind == "f")
