@@ -3,16 +3,19 @@
 Warp's own refit takes memory for a sum of edge lengths, which such a body cannot. It stands before the loop and behind it, and
 keeps that sum; here boxes and solid angles alone become those of the points (as native/mesh.cu of Warp 1.19: Karras 2012,
 section 4, bottom up: the second of two children to arrive goes on to their parent). A tree of up to SMALL triangles is one
-block's: who has arrived is counted in its shared memory, and no level waits for other multiprocessors (H200, 1280 triangles:
-two launches of many blocks took 92 + 8 us).
+block's: who has arrived is counted in its shared memory, and no level waits for other multiprocessors. Solid angles, which are
+most of the work (H200, 1280 triangles: 100 us by many blocks, 200 by one), are made only where something asks for winding
+numbers: `deep`, or SUNK in a mark.
 """
 
 from functools import cache
 
 import warp as wp
 
+from wsim.kernels.contact.project import SUNK
+
 MODULE, BLOCK_MODULE = "wsim_mesh_refit", "wsim_mesh_refit_block"
-SMALL, BLOCK = 4096, 512                 # triangles of a tree that one block fits; its threads
+SMALL, BLOCK = 6000, 1024                # triangles of a tree that one block fits; its threads
 BOUND = """
     wp::Mesh* m = (wp::Mesh*)mesh;
     const wp::vec3* x = m->points.data;
@@ -23,13 +26,16 @@ BOUND = """
     }
     for (int i = thread; i < m->bvh.max_nodes; i += threads)
         COUNTS[i] = 0;
-"""
+    int asked = deep.data[0];
+    for (int i = thread; i < mark.shape[0]; i += threads)
+        asked |= mark.data[i] & SUNK;
+""".replace("SUNK", str(SUNK))
 FIT = """
     wp::Mesh* m = (wp::Mesh*)mesh;
     wp::BVH& tree = m->bvh;
     const wp::vec3* x = m->points.data;
     const int* c = m->indices.data;
-    wp::SolidAngleProps* angles = m->solid_angle_props;
+    wp::SolidAngleProps* angles = WOUND ? m->solid_angle_props : nullptr;
 
     auto fill_leaf = [&](int node) {
         wp::BVHPackedNodeHalf& low = tree.node_lowers[node];
@@ -82,45 +88,52 @@ FIT = """
             node = parent;
             parent = above;
         }
+        LEAVE
     }
 """
-GRID = "COUNTS", "m->bvh.node_counts"
+# many blocks: `wound` becomes 1 where something asks, and 0 behind the root, which nobody reaches before all have read it
+ASK, DONE = "    if (asked) wound.data[0] = 1;", "if (parent == -1) wound.data[0] = 0;"
+GRID = "m->bvh.node_counts"
 BY_BLOCK = f"""
     __shared__ int arrived[{2 * SMALL}];
-    {{{BOUND.replace("COUNTS", "arrived")}}}
-    __syncthreads();
-    {{{FIT.replace("COUNTS", "arrived").replace("FENCE", "__threadfence_block")}}}
-"""
+    bool whole;
+    {{{BOUND.replace("COUNTS", "arrived")}
+    whole = __syncthreads_or(asked) != 0;}}
+    {{{FIT.replace("COUNTS", "arrived").replace("FENCE", "__threadfence_block").replace("WOUND", "whole")}}}
+""".replace("LEAVE", "")
 
 
-@wp.func_native(BOUND.replace(*GRID))
-def bound_triangles(mesh: wp.uint64, thread: int, threads: int): ...
+@wp.func_native(BOUND.replace("COUNTS", GRID) + ASK)
+def bound_triangles(mesh: wp.uint64, thread: int, threads: int, deep: wp.array(dtype=int), mark: wp.array(dtype=int),
+                    wound: wp.array(dtype=int)): ...
 
 
-@wp.func_native(FIT.replace(*GRID).replace("FENCE", "__threadfence"))
-def fit_nodes(mesh: wp.uint64, thread: int, threads: int): ...
+@wp.func_native(FIT.replace("COUNTS", GRID).replace("FENCE", "__threadfence").replace("WOUND", "wound.data[0]")
+                .replace("LEAVE", DONE))
+def fit_nodes(mesh: wp.uint64, thread: int, threads: int, wound: wp.array(dtype=int)): ...
 
 
 @wp.func_native(BY_BLOCK)
-def fit_by_block(mesh: wp.uint64, thread: int, threads: int): ...
+def fit_by_block(mesh: wp.uint64, thread: int, threads: int, deep: wp.array(dtype=int), mark: wp.array(dtype=int)): ...
 
 
 @cache
 def bound():
-    """Kernel: boxes of the triangles of a mesh; nothing has arrived at nodes of its tree."""
+    """Kernel: boxes of the triangles of a mesh; nothing has arrived at nodes of its tree. wound: 0 before."""
     @wp.kernel(module=MODULE, enable_backward=False)
-    def bound_mesh(mesh: wp.uint64, threads: int):
-        bound_triangles(mesh, wp.tid(), threads)
+    def bound_mesh(mesh: wp.uint64, threads: int, deep: wp.array(dtype=int), mark: wp.array(dtype=int),
+                   wound: wp.array(dtype=int)):
+        bound_triangles(mesh, wp.tid(), threads, deep, mark, wound)
 
     return bound_mesh
 
 
 @cache
 def fit():
-    """Kernel: boxes and solid angles of the nodes of the tree, behind `bound`."""
+    """Kernel: boxes of the nodes of the tree, behind `bound`, and solid angles where `wound` is not 0, which becomes 0."""
     @wp.kernel(module=MODULE, enable_backward=False)
-    def fit_mesh(mesh: wp.uint64, threads: int):
-        fit_nodes(mesh, wp.tid(), threads)
+    def fit_mesh(mesh: wp.uint64, threads: int, wound: wp.array(dtype=int)):
+        fit_nodes(mesh, wp.tid(), threads, wound)
 
     return fit_mesh
 
@@ -129,7 +142,7 @@ def fit():
 def fit_block():
     """Kernel of one block: both, of a tree of up to SMALL triangles."""
     @wp.kernel(module=BLOCK_MODULE, enable_backward=False, launch_bounds=BLOCK)
-    def fit_small_mesh(mesh: wp.uint64):
-        fit_by_block(mesh, wp.tid(), wp.block_dim())
+    def fit_small_mesh(mesh: wp.uint64, deep: wp.array(dtype=int), mark: wp.array(dtype=int)):
+        fit_by_block(mesh, wp.tid(), wp.block_dim(), deep, mark)
 
     return fit_small_mesh

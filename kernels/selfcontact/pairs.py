@@ -121,8 +121,9 @@ class Tree:
 class Look:
     """A tree, and what looks into it: several share a launch, the threads of each from `first` on."""
     first: int
-    kind: int                            # 0: points that look, or a tree of triangles; 1: edges; 2: those of the tree itself
-    shares: int                          # threads that share a walk, a power of two
+    kind: int                            # 0: points that look, or a tree of triangles; 1: edges; 2: those of the tree itself;
+                                         # levels of nodes that are fitted
+    shares: int                          # threads that share a walk, a power of two; nodes of a world that are fitted
     order: wp.array(dtype=int)           # what looks, -1: none; what the tree is of, where it is fitted
     into: Tree
 

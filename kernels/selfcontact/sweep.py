@@ -132,7 +132,7 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
     Surfaces, Pairs, State, Sums = pairs.surfaces(real), pairs.lists(real), states(real), pairs.sums(real)
     (How, Touched), add, (Kept, keep, touch) = orders(real), pairs.adding(real), touching(real)
     ask, (Held, hold), act, write, lead_of = asking(real), holding(real), pressing(real), writing(real), leads(real)
-    many, clusters = threads > 1, cluster > 0
+    many, clusters, vec4 = threads > 1, cluster > 0, types(real).vec4
 
     @wp.func
     def together(few: bool, how: How, turn: int):
@@ -142,6 +142,22 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
             else:
                 meet_grid(how.words, turn)
         return turn + 1
+
+    @wp.func
+    def enter(ids: wp.vec4i, b: vec4, how: How, side: int, to: Sums):
+        """Adds the weights of a pair to its points, and lists those that had none: all at once, as each waits for memory."""
+        before = wp.vec4i(0, 0, 0, 0)
+        for c in range(4):
+            before[c] = wp.atomic_add(to.share, ids[c], weight(b[c]))
+        some = int(0)
+        for c in range(4):
+            some += wp.where(before[c] == 0, 1, 0)
+        if some > 0:
+            place = wp.atomic_add(how.words, 3 + side, some)
+            for c in range(4):
+                if before[c] == 0:
+                    how.moved[place] = ids[c]
+                    place += 1
 
     @wp.func
     def choose(at: State, how: How, k: int, near: Pairs, to: Sums, side: int, span: wp.vec2i):
@@ -156,11 +172,8 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
                 j = near.seen[i]
             found = ask(at, how.climb, how.calm, last, j, near)
             if found == TAKES:
+                enter(near.four[j], near.swept[4 * j + pairs.B], how, side, to)
                 near.on[wp.atomic_add(how.words, 1 + side, 1)] = j
-                for c in range(4):
-                    p = near.four[j][c]
-                    if wp.atomic_add(to.share, p, weight(near.swept[4 * j + pairs.B][c])) == 0:
-                        how.moved[wp.atomic_add(how.words, 3 + side, 1)] = p
             if k == 0 and found > 0:
                 near.seen[wp.atomic_add(how.words, 5, 1)] = j
             i += span[1]

@@ -16,13 +16,11 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.block import meet
 from wsim.kernels.selfcontact import pairs
 from wsim.kernels.selfcontact.pairs import Box, Look, Tree, looking
 from wsim.kernels.selfcontact.tubes import frames
 
 ROUNDED = 2.0 ** -22                     # of coordinates, that boxes are larger by: results of a few operations in float32
-BLOCK = 512                              # threads of a block that joins boxes
 BITS = 10                                # of places along an axis
 
 
@@ -228,33 +226,15 @@ def join_below(to: Tree, root: int, node: int, levels: int):
 
 @cache
 def join(module):
-    """Kernel: boxes of the nodes from `first` to 2 first - 1 of all worlds, and of `levels` - 1 levels below them, of those
-    below these. A thread takes what is below its node: a launch for some levels."""
+    """Kernel over nodes of all trees, as many of each world as `shares` says: their boxes, and those of `kind` - 1 levels below
+    them, of those below these. A thread takes what is below its node: a launch for some levels."""
     @wp.kernel(module=module, enable_backward=False)
-    def join_boxes(first: int, levels: int, to: Tree):
-        j = wp.tid()
-        join_below(to, (j / first) * 2 * to.leaves, first + j % first, levels)
+    def join_boxes(trees: wp.array(dtype=Look)):
+        to = trees[looking(trees, wp.tid())]
+        j = wp.tid() - to.first
+        join_below(to.into, (j / to.shares) * 2 * to.into.leaves, to.shares + j % to.shares, to.kind)
 
     return join_boxes
-
-
-@cache
-def join_all(module):
-    """Kernel: boxes of all nodes above leaves. A block takes one tree of a world, `levels` at a time (CUDA)."""
-    @wp.kernel(module=module, enable_backward=False, grid_stride=False, launch_bounds=BLOCK)
-    def join_trees(levels: int, trees: wp.array(dtype=Look)):
-        number, lane = wp.tid() // wp.block_dim(), wp.tid() % wp.block_dim()
-        to = trees[number % trees.shape[0]].into
-        root = (number / trees.shape[0]) * 2 * to.leaves
-        first = int(to.leaves)
-        while first > 1:
-            some = wp.where(first < 1 << levels, 1, levels)
-            first = first >> some
-            for node in range(first + lane, 2 * first, wp.block_dim()):
-                join_below(to, root, node, some)
-            meet()
-
-    return join_trees
 
 
 @cache

@@ -10,6 +10,7 @@ from tests.physics.animation.test_dressed import clothed, seen
 from tests.physics.animation.test_skinning import nearest_faces, track
 from tools.bench.contact.skinning import character, speed
 from wsim.geometry.triangulate import triangulate
+from wsim.kernels.contact.project import SUNK
 from wsim.kernels.math import mesh_refit
 from wsim.physics.animation.objects import DUAL, LINEAR
 from wsim.physics.animation.skinning import placed
@@ -67,9 +68,10 @@ def test_a_character_under_a_cloth_stays_under_it():
     assert row["penetration"] < 5e-3 and row["contacts"] > 100
 
 
-@pytest.mark.parametrize("sides", [4, 12, 65])
-def test_a_block_fits_the_tree_that_warp_fits(sides):
-    """Faces, sides by winding numbers and rays about a sphere that was squashed and shaken, of 8 to 4095 triangles."""
+@pytest.mark.parametrize("sides", [4, 12, 65])        # of 8 to 4095 triangles
+@pytest.mark.parametrize("how", ["block", "blocks", "boxes"])
+def test_trees_that_a_loop_fits_are_warps(sides, how):
+    """Faces and rays about a sphere that was squashed and shaken, and sides by winding numbers, where a point asks for them."""
     rng = np.random.default_rng(5)
     points, counts, indices = shapes.sphere(0.3, sides)
     corners = triangulate(points, counts, indices, True)[0].astype(np.int32)
@@ -81,10 +83,17 @@ def test_a_block_fits_the_tree_that_warp_fits(sides):
         mesh = wp.Mesh(places, wp.array(corners.ravel(), dtype=int, device="cuda:0"), support_winding_number=True)
         places.assign(moved)
         if own:
-            wp.launch(mesh_refit.fit_block(), mesh_refit.BLOCK, [mesh.id], [], device="cuda:0", block_dim=mesh_refit.BLOCK)
+            deep, mark, wound = (wp.array([value], dtype=int, device="cuda:0") for value in (0, SUNK * (how != "boxes"), 0))
+            if how == "blocks":
+                wp.launch(mesh_refit.bound(), len(corners), [mesh.id, len(corners), deep, mark], [wound], device="cuda:0")
+                wp.launch(mesh_refit.fit(), len(corners), [mesh.id, len(corners)], [wound], device="cuda:0")
+            else:
+                wp.launch(mesh_refit.fit_block(), mesh_refit.BLOCK, [mesh.id, deep, mark], [], device="cuda:0",
+                          block_dim=mesh_refit.BLOCK)
+            assert wound.numpy()[0] == 0
         else:
             mesh.refit()
         out = wp.zeros(300, dtype=wp.vec4f, device="cuda:0")
         wp.launch(nearest_faces, 300, [mesh.id, q, way], [out], device="cuda:0")
-        found.append(out.numpy()[:, [0, 2, 3]])                # signs by normals need the mean edge, too
+        found.append(out.numpy()[:, [0, 3] if how == "boxes" else [0, 2, 3]])     # sides by normals need the mean edge, too
     assert len(corners) <= mesh_refit.SMALL and np.array_equal(*found)

@@ -6,8 +6,6 @@ import warp as wp
 
 from tests.physics.selfcontact.rig import crumple, run
 from wsim.kernels.selfcontact import search
-from wsim.kernels.selfcontact.tree import join_all
-from wsim.physics.selfcontact.tree import LEVELS
 
 STEPS = 64             # places in time where boxes are looked at
 
@@ -84,15 +82,17 @@ def test_trees_are_sorted_by_where_triangles_are():
         assert np.median(step) < 1.5 * near.surfaces.edge
 
 
-def test_a_block_joins_the_boxes_that_launches_by_levels_join():
-    """As blocks of one thread, of two worlds."""
+def test_boxes_of_nodes_are_about_those_below_them():
+    """Trees of triangles and of edges, in two worlds."""
     sim = run(crumple(0, 10), worlds=2)
     trees = sim.plan.method("selfcontact").near.forest
     for tree in trees.each:
-        tree.tree.box.assign(np.where(np.arange(4 * tree.leaves)[:, None, None] % (2 * tree.leaves) < tree.leaves, 0.0,
-                                      tree.tree.box.numpy()))
-    wp.launch(join_all("test_tree"), 2 * len(trees.each), [LEVELS, trees.fitted], [], device="cpu")
-    found = [tree.tree.box.numpy() for tree in trees.each]
-    for tree in trees.each:
-        tree.fit()
-    assert all(a[1].any() and np.array_equal(a, tree.tree.box.numpy()) for a, tree in zip(found, trees.each, strict=True))
+        leaf = np.arange(4 * tree.leaves) % (2 * tree.leaves) >= tree.leaves
+        box = np.where(leaf[:, None, None], tree.tree.box.numpy(), 0.0)
+        tree.tree.box.assign(box)
+        box = box.reshape(2, 2 * tree.leaves, 4, 3)
+        for k in range(tree.leaves - 1, 0, -1):
+            both = box[:, 2 * k:2 * k + 2]
+            box[:, k] = np.where(np.arange(4)[:, None] % 2 == 0, both.min(axis=1), both.max(axis=1))
+        trees.join_boxes()
+        assert tree.leaves > 64 and np.array_equal(tree.tree.box.numpy().reshape(box.shape)[:, 1:], box[:, 1:])

@@ -96,6 +96,7 @@ class Mesh:
             points = wp.array(np.asarray(start, np.float32), dtype=wp.vec3, device=device)
             still = wp.zeros(len(points), dtype=wp.vec3, device=device) if self.moves else None
             corners = wp.array(self.triangles.ravel(), dtype=wp.int32, device=device)
+            self.device["wound"] = wp.zeros(1, dtype=int, device=device)
             self.device["mesh"] = wp.Mesh(points, corners, still, support_winding_number=self.closed)
         if self.moves and (self.device.get("track") is None or self.device["track"].shape[0] != substeps + 1):
             self.device["track"] = wp.zeros((substeps + 1, len(self.surface.points)), dtype=wp.vec3, device=device)
@@ -112,12 +113,12 @@ class Mesh:
                   [mesh.points, mesh.velocities])
         if loop and of.refit_kernel is None:
             from wsim.kernels.math import mesh_refit
-            threads = len(self.triangles)
+            threads, asked = len(self.triangles), [of.table.deep, of.mark]
             if threads <= mesh_refit.SMALL:
-                of.launch_blocks(mesh_refit.fit_block(), 1, mesh_refit.BLOCK, [mesh.id], [])
+                of.launch_blocks(mesh_refit.fit_block(), 1, mesh_refit.BLOCK, [mesh.id, *asked], [])
                 return
-            for kernel in (mesh_refit.bound(), mesh_refit.fit()):
-                of.launch(kernel, threads, [mesh.id, threads], [])
+            of.launch(mesh_refit.bound(), threads, [mesh.id, threads, *asked], [self.device["wound"]])
+            of.launch(mesh_refit.fit(), threads, [mesh.id, threads], [self.device["wound"]])
         elif of.refit_kernel is None:
             mesh.refit()
         else:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from wsim.model.status import Status
     from wsim.simulation.methods import Build
 
-LISTS = True           # of faces on a GPU: tests and benchmarks compare
+LISTS = 2048           # triangles of meshes up to which a GPU lists the faces near points: H200, us a search with lists and
+                       # without: worn_shirt (1280) 44 and 56, bone_cape (1280) 78 and 131, caped_man (4672) 54 and 36
 CLEARED = 16           # substeps of a frame from which points pass over meshes that they are known to be far from
 ROOM = "contacts wanted by a point"       # status word, where there was not room for as many
 FACES = "faces near a point"              # status word, of a mesh collider, where lists have not room for as many
@@ -129,7 +130,7 @@ class Contact(Method):
             broad.listed(self.contacts)
         elif self.contacts.meshes and self.movers is None and not self.model.gradients and self.contacts.substeps >= CLEARED:
             from wsim.physics.contact import broad
-            if self.model.device.is_cuda and LISTS:
+            if self.model.device.is_cuda and max(len(m.triangles) for m in self.contacts.meshes.values()) <= LISTS:
                 broad.listed(self.contacts, broad.WIDE)
             else:
                 broad.cleared(self.contacts)

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from wsim.model.model import Model
     from wsim.physics.selfcontact.surfaces import Surfaces
 
-LEVELS = 3             # of a tree that one launch, or a block without a meeting, fits
-LARGE = 1 << 15        # leaves from which a tree is more than a block's
+LEVELS = 3             # of trees that one launch fits
 WALKS, SHARES = 1 << 16, 32            # threads of a search on a GPU, and those that share a walk, at most
 EMPTY = 1e30           # of the boxes of empty leaves, which end before they begin [m]
 
@@ -47,7 +46,6 @@ class Tree:
     def __init__(self, model: Model, surfaces: Surfaces, kind: int, span: slice):
         """kind: 0 of triangles, 1 of edges; span: those of the tables of surfaces."""
         self.model, self.surfaces, self.kind = model, surfaces, kind
-        self.join = kernels.join(core(model))
         table = (surfaces.triangles, surfaces.edges)[kind][span]
         self.number, world = len(table), surfaces.world[table[:, 0]]
         own = [span.start + np.flatnonzero(world == k) for k in range(model.worlds)]
@@ -57,14 +55,6 @@ class Tree:
         self.tree = filled(kernels.Tree, leaves=self.leaves, item=self.order.item,
                            box=wp.array(boxes, dtype=kernels.Box, device=model.device),
                            front=wp.zeros(0 if model.device.is_cuda else 2 * self.leaves, dtype=int, device=model.device))
-
-    def fit(self) -> None:
-        """Boxes of all nodes above leaves."""
-        leaves = self.leaves
-        while leaves > 1:
-            levels = min(LEVELS, leaves.bit_length() - 1)
-            leaves >>= levels
-            self.model.launch(self.join, leaves * self.model.worlds, [leaves, levels], [self.tree])
 
 
 class Trees:
@@ -77,11 +67,21 @@ class Trees:
         self.leaves, self.fitted = self._looks([(tree.kind, tree.tree.item, k, 1) for k, tree in enumerate(trees)])
         each = [(kind, order, k, self.shares(len(order), trees[k].leaves)) for kind, order, k in searches]
         self.seekers, self.looks = self._looks(each, search.SIDE_BY_SIDE if model.device.is_cpu else 1)
-        self.join: Any = None                    # of a block for each tree
-        if model.device.is_cuda and max(tree.leaves for tree in trees) <= LARGE:
-            name = f"{core(model)}_trees"
-            model.modules[name] = kernels.BLOCK
-            self.join = kernels.join_all(name)
+        self.join, self.joined = kernels.join(core(model)), self._levels()
+
+    def _levels(self) -> list[tuple[int, wp.array]]:
+        """Threads of each launch that fits some levels of all trees, and what they do."""
+        found, left = [], {k: tree.leaves for k, tree in enumerate(self.each) if tree.leaves > 1}
+        while left:
+            first, looks, worlds = 0, [], self.model.worlds
+            for k, nodes in left.items():
+                levels = min(LEVELS, nodes.bit_length() - 1)
+                left[k] = nodes >> levels
+                looks.append(filled(kernels.Look, first=first, kind=levels, shares=left[k], into=self.each[k].tree))
+                first += worlds * left[k]
+            found.append((first, wp.array(looks, dtype=kernels.Look, device=self.model.device)))
+            left = {k: nodes for k, nodes in left.items() if nodes > 1}
+        return found
 
     def _looks(self, rows: list[tuple[int, wp.array, int, int]], each: int = 1) -> tuple[int, wp.array]:
         """Threads of a launch, and what they do: kind, what looks, its tree, threads that share a walk. each: of one."""
@@ -97,11 +97,12 @@ class Trees:
     def fit(self, data: Any, frames: Any) -> None:
         """Boxes of all nodes, about tubes."""
         self.model.launch(self.lay, self.leaves, [data, frames, self.fitted], [])
-        if self.join:
-            self.model.launch_blocks(self.join, len(self.each) * self.model.worlds, kernels.BLOCK, [LEVELS, self.fitted], [])
-            return
-        for tree in self.each:
-            tree.fit()
+        self.join_boxes()
+
+    def join_boxes(self) -> None:
+        """Boxes of all nodes above leaves."""
+        for threads, looks in self.joined:
+            self.model.launch(self.join, threads, [looks], [])
 
     def look(self, surfaces: Surfaces, frames: Any, found: wp.array) -> None:
         """Lists candidates."""
