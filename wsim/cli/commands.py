@@ -68,7 +68,6 @@ def run(args) -> int:
     began = perf_counter()
     import wsim.usd.result.recorder  # noqa: F401  (USD, to tell its import from the loading)
     from wsim.cli.run import default_output
-    from wsim.simulation.predicted.measured import leave_out
     from wsim.usd.result.dependencies import refuse
 
     args.output = args.output or default_output(args.scene)
@@ -97,12 +96,13 @@ def run(args) -> int:
                     began += stay(_say)
             except KeyboardInterrupt:
                 code = INTERRUPTED
-                leave_out(job.simulation)
             except Exception as error:
                 if job.recorder.kept and job.recorder.kept not in str(error):
                     progress.clear()
                     _say(f"failed: {job.kept()}")
                 raise
+            progress.say("measuring errors")
+            seconds["errors"] = job.measure(code == DONE and (args.json or not args.quiet))
     if code == DONE and args.png:
         _draw(args, seconds)
     _close(job, args, seconds, told, began)

@@ -131,6 +131,19 @@ class Run:
             with whole(), self._timed("write"):
                 self.result = self.recorder.close(interrupted=not ended)
 
+    def measure(self, asked: bool) -> float:
+        """Steps what the report measures errors by, unless it is not asked for, or Ctrl-C comes; seconds."""
+        from wsim.simulation.predicted.measured import leave_out, settle
+        began = perf_counter()
+        try:
+            if asked:
+                settle(self.simulation)
+        except KeyboardInterrupt:
+            asked = False
+        if not asked:
+            leave_out(self.simulation)
+        return perf_counter() - began
+
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:
         began = perf_counter()

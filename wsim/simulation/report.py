@@ -13,7 +13,8 @@ EARLY = 10             # frames in which graphs are expected to be captured
 WHOLE = ("iterations", "steps", "particles", "asleep", "broken", "in_turn", "searches", "projected", "cut")   # they count
 PLAIN = (*WHOLE, "speed", "smoke", "temperature", "volume", "strain")                # ends of names of what is no error
 APART = ("rigid_energy", "fluid_energy")                         # not within "energy", which is that of points
-ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "picture", "report", "total")
+ORDER = ("import", "load", "build", "compile", "capture", "first_frame", "simulate", "write", "errors", "picture", "report",
+         "total")
 
 
 def quantity(value: float) -> str:

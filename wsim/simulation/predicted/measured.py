@@ -115,6 +115,14 @@ def follow(sim) -> None:
         sim.measured.done = not sim.measured.look(sim)
 
 
+def settle(sim) -> None:
+    """Steps all that the report waits for."""
+    if sim.measured:
+        sim.measured.compare()
+    if sim.settled:
+        sim.settled.estimate_all()
+
+
 def leave_out(sim) -> None:
     """Steps nothing more for the report: it has what was compared so far."""
     sim.settled = None

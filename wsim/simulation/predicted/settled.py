@@ -77,7 +77,12 @@ class Settled:
 
     @property
     def found(self) -> list[tuple[float, float, int]]:
-        """Strains, their estimates and frames. Makes the estimates that are not there yet."""
+        """Strains, their estimates and frames."""
+        self.estimate_all()
+        return self.known
+
+    def estimate_all(self) -> None:
+        """Makes the estimates that are not there yet."""
         other, of = None, (0, 0)
         while self.waiting:
             state = self.waiting.pop(0)
@@ -87,7 +92,6 @@ class Settled:
                 self.known.append((state.strain, estimate(other, state), state.frame))
             except SceneError:                                 # it cannot go on from there
                 self.waiting, self.going = [], False
-        return self.known
 
     def finer(self, state: Strained):
         """A simulation whose frames are substeps of the run, divided into parts."""
