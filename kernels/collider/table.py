@@ -152,3 +152,17 @@ def follow(real, module):
         rate_out[k] = wp.vec3f(v[row[k]])
 
     return wp.kernel(follow, name=f"follow_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def measure_rates(real, module):
+    """Kernel over points of a mesh: velocities with which they go, in a frame of dt [s], from where they were to where the
+    points of the state are now."""
+    t = types(real)
+
+    def measure_rates(row: wp.array(dtype=int), x: wp.array(dtype=t.vec3), dt: float, place: wp.array(dtype=wp.vec3f),
+                      rate_out: wp.array(dtype=wp.vec3f)):
+        k = wp.tid()
+        rate_out[k] = (wp.vec3f(x[row[k]]) - place[k]) / dt
+
+    return wp.kernel(measure_rates, name=f"measure_rates_{t.name}", module=module, enable_backward=False)

@@ -15,7 +15,7 @@ import warp as wp
 
 from wsim.geometry import rotation
 from wsim.geometry.triangulate import triangulate
-from wsim.kernels.collider.table import follow
+from wsim.kernels.collider.table import follow, measure_rates
 from wsim.kernels.contact import shape as convex
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
@@ -85,7 +85,10 @@ class ColliderTable:
                          owner=[getattr(thing, "body", -1) for thing in things])
         self.rows.screw = int(screw)
         self.rows.speed, self.rows.spin = (wp.zeros(n, dtype=t.vec3, device=device) for _ in range(2))
-        self.follow = follow(model.real, model.module) if any(hasattr(thing, "rows") for thing in things) else None
+        self.points = {k: model.upload(thing.rows.astype(np.int32), int) for k, thing in enumerate(things)
+                       if getattr(thing, "rows", None) is not None}      # of the state, of each mesh that is made of such
+        if self.points:
+            self.follow, self.rates = (make(model.real, model.module) for make in (follow, measure_rates))
         self.posed: tuple = ()                                 # what was uploaded last
         self.pose(0.0, 1.0)
 
@@ -98,18 +101,24 @@ class ColliderTable:
 
     def _form(self, time: float, dt: float) -> None:
         """Points of meshes where the frame begins, and how fast they move through it."""
-        for thing, mesh in zip(self.things, self.meshes, strict=True):
+        for k, (thing, mesh) in enumerate(zip(self.things, self.meshes, strict=True)):
             if mesh is None or not forms(thing):
                 continue
-            if getattr(thing, "rows", None) is None:
+            if k not in self.points:
                 first, last = (np.asarray(thing.shape.poses.at(t), np.float64) for t in (time, time + dt))
                 mesh.points.assign(first.astype(np.float32))
                 mesh.velocities.assign(((last - first) / dt).astype(np.float32))
             elif self.state is not None:
-                rows = self.model.upload(thing.rows.astype(np.int32), int)
-                self.model.launch(self.follow, len(thing.rows), [rows, self.state.x, self.state.v],
+                self.model.launch(self.follow, len(thing.rows), [self.points[k], self.state.x, self.state.v],
                                   [mesh.points, mesh.velocities])
             mesh.refit()
+
+    def reach_points(self, dt: float) -> None:
+        """Lets meshes that are made of points of the state go, in this frame, to where these are now, once they have moved:
+        there the next frame begins. Launches alone."""
+        for k, rows in self.points.items():
+            mesh: Any = self.meshes[k]
+            self.model.launch(self.rates, rows.shape[0], [rows, self.state.x, float(dt), mesh.points], [mesh.velocities])
 
     @property
     def moving(self) -> bool:

@@ -39,6 +39,8 @@ def _liquid(liquid: Liquid, scene: Scene) -> Iterator[Problem]:
                       "give a larger one, or float64")
     for cloth in scene.bodies():
         does = "passes through it" if isinstance(cloth, Springs) else "moves it, and does not feel it"
+        if scene.things("Body") and not isinstance(cloth, Springs):
+            does += " (where it moves fast some liquid passes it, since there are rigid bodies too)"
         yield warning(path, f"{cloth.path} {does}: surfaces of cloth and soft bodies are walls that move, and liquids do not "
                       "push them", "rigid bodies, which do feel it", "go on where that is enough, else make it a rigid body")
         break

@@ -67,7 +67,9 @@ class Liquids(Method):
         self.settled = False
         count = sum(part.count for part in self.parts)
         cells = sum(liquid.cells for liquid, _ in self.pairs)
-        phase = "pose" if self.rigid else "predict"                 # before that of the bodies
+        # before that of the bodies, which liquids push; else behind that of cloth, whose way through the frame is then known
+        self.behind = not self.rigid and bool(sheets(b.model))
+        phase = "pose" if self.rigid else "deform" if self.behind else "predict"
         self.stages.append(Stage("liquids", phase, self.advance, sum(d.launches for d in self.domains),
                                  sum(p.bytes for p in self.parts), "frame", f"{count} particles, {cells} cells, "
                                  f"{', '.join(sorted({liquid.transfer for liquid, _ in self.pairs}))}"))
@@ -132,6 +134,8 @@ class Liquids(Method):
     def advance(self, clock: Clock) -> None:
         self.more = more = max(1, clock.substeps // self.base)   # of a frame that is repeated with smaller steps
         for domain in self.domains:
+            if self.behind:
+                domain.obstacles.shapes.reach_points(clock.dt)
             steps = domain.liquid.steps
             domain.frame(clock.dt, more * max(1, steps), more * (steps or domain.liquid.most_steps))
 
