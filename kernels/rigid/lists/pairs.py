@@ -73,10 +73,9 @@ def parting(filtered: bool):
     return parted
 
 
-@cache
-def reaching(real, filtered: bool = False):
-    """Function (i, k, time, tree, rig): the centre, (ball, way) of shape i: where it has no end, its ball is < 0. Also notes
-    where its body is. Colliders go as they are animated: they need no slack, and one may be a landscape."""
+def reach(real, module, filtered: bool = False):
+    """Kernel of the centre, (ball, way) of every shape from `first` on: where it has no end, its ball is < 0. Also notes where
+    bodies are. Colliders go as they are animated: they need no slack, and one may be a landscape."""
     t, Tree = types(real), trees(filtered)
     Rig = whole(real)
 
@@ -88,8 +87,8 @@ def reaching(real, filtered: bool = False):
             speed = wp.max(speed, wp.length(rig.still.v[r, c]) + wp.length(rig.still.omega[r, c]) * wp.max(ball, real(0.0)))
         return speed
 
-    @wp.func
-    def reach_of(i: int, k: int, time: real, tree: Tree, rig: Rig):
+    def rigid_reach(rig: Rig, first: int, k: int, time: real, tree: Tree):
+        i = first + wp.tid()
         f = rig.s.frame[i]
         n = rig.b.w.shape[0]
         x = t.vec3()
@@ -132,16 +131,6 @@ def reaching(real, filtered: bool = False):
         tree.low[i] = at - wide
         tree.high[i] = at + wide
 
-    return reach_of
-
-
-def reach(real, module, filtered: bool = False):
-    """Kernel of what `reaching` finds, of every shape from `first` on."""
-    Rig, Tree, reach_of = whole(real), trees(filtered), reaching(real, filtered)
-
-    def rigid_reach(rig: Rig, first: int, k: int, time: real, tree: Tree):
-        reach_of(first + wp.tid(), k, time, tree, rig)
-
     return wp.kernel(rigid_reach, name="rigid_reach", module=module, enable_backward=False)
 
 
@@ -177,10 +166,9 @@ def summed(module):
     return wp.kernel(rigid_summed, name="rigid_summed", module=module, enable_backward=False)
 
 
-@cache
-def taking(real, filtered: bool = False):
-    """Function (i, j, at, write, tree, rig): how many rows shape j > i takes if it may meet i. They are written at their place
-    then (write = 1), where there is room. filtered: less those that do not touch."""
+def listed(real, module, filtered: bool = False):
+    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room.
+    filtered: less those that do not touch."""
     Rig, Tree, parted = whole(real), trees(filtered), parting(filtered)
 
     @wp.func(inline=False)
@@ -209,6 +197,7 @@ def taking(real, filtered: bool = False):
 
     @wp.func
     def take(i: int, j: int, at: int, write: int, tree: Tree, rig: Rig):
+        """How many rows j > i takes if it may meet i; they are written at their place then, where there is room."""
         taken = int(0)
         if j > i:
             if near(i, j, tree, rig) and not parted(i, j, tree):
@@ -220,13 +209,6 @@ def taking(real, filtered: bool = False):
                         rig.c.a[row] = i
                         rig.c.b[row] = j
         return taken
-
-    return take
-
-
-def listed(real, module, filtered: bool = False):
-    """Kernel that counts the partners of a body's shape (write = 0), or writes them behind `first`, where there is room."""
-    Rig, Tree, take = whole(real), trees(filtered), taking(real, filtered)
 
     @wp.func
     def sort(first: int, last: int, b: wp.array(dtype=int)):

@@ -59,7 +59,7 @@ def keep_row(real):
     def keep_row(m: int, c: Contacts, last: Last):
         last.a[m] = c.a[m]
         last.b[m] = c.b[m]
-        last.count[m] = wp.abs(c.count[m])                    # < 0: asleep
+        last.count[m] = c.count[m]
         last.colour[m] = c.colour[m]
         points = int(4)
         for i in range(points):

@@ -2,14 +2,9 @@
 
 import numpy as np
 import pytest
-import warp as wp
 
 from tests.physics.rigid.test_contact import Seen, ball, box, free, world
-from wsim.kernels.math import block
 from wsim.kernels.rigid import launches
-from wsim.kernels.rigid.lists import rows
-from wsim.kernels.rigid.lists.few import list_few
-from wsim.model.structs import filled
 from wsim.physics.rigid import forms
 
 
@@ -144,25 +139,3 @@ def test_a_heap_without_weight_keeps_its_momentum():
 def test_a_form_has_a_name_of_the_table():
     with pytest.raises(ValueError, match="there are listed, coloured, block, cluster, launches"):
         forms.Form("quick")
-
-
-def test_a_block_lists_the_pairs_that_trees_list():
-    """A heap in motion over a plane; by one thread in place of the block."""
-    sim = world(*heap(), precision="float32")
-    sim.run(40)
-    contacts = sim.plan.method("rigid").contacts
-    broad, wanted, filtered = contacts.broad, contacts.status.word("rigid pairs"), contacts.filters is not None
-    lists = contacts.list.a, contacts.list.b, broad.first
-    broad.list_pairs(1, 1.0 / 60.0, wanted)
-    trees = [array.numpy().copy() for array in lists]
-    for array in lists:
-        array.zero_()
-    contacts.work.strayed.fill_(1)
-    last = filled(rows.lasts(contacts.real), **contacts.arrays())
-    kernel = list_few(contacts.real, "colours_list_few", block.alone, 0, filtered)
-    wp.launch(kernel, 1, [wp.vec4i(1, 1, 0, broad.mine), 1.0 / 60.0, contacts.rig(), broad.tree, last],
-              [broad.first, broad.number, wanted], device="cpu")
-    a, b, first = (array.numpy() for array in lists)
-    used = trees[0] >= 0
-    assert used.sum() > 40 and np.array_equal(a, trees[0]) and np.array_equal(first, trees[2])
-    assert np.array_equal(b[used], trees[1][used])

@@ -212,8 +212,8 @@ class Contacts:
 
     def launches(self, clock: Clock) -> int:
         times = len(self.ends(clock)) - 1
-        listed = 2 * bool(self.method.sleep) + (0 if self.broad.few else 7 + 2 * self.moves)
-        each = 1 + bool(self.on_meshes) + len(self.flush) + bool(self.broad.few)
+        listed = 7 + 2 * self.moves + 2 * bool(self.method.sleep)
+        each = 1 + bool(self.on_meshes) + len(self.flush)
         return listed * times + each * clock.substeps + self.form.launches(clock.substeps, self.sweeps)
 
     def set(self, path: str, name: str, value, world: int | None) -> bool:
@@ -229,9 +229,7 @@ class Contacts:
         listing = k in ends[:-1]                     # else where a body has gone farther than was foreseen
         time = clock.h * (ends[ends.index(k) + 1] - k) if listing else clock.dt / (len(ends) - 1)
         before, h = filled(rows.lasts(self.real), **self.arrays()), 0.0 if self.exact else clock.h
-        if self.broad.few:
-            self.broad.list_few(k, time, listing, before, self.status.word(WORD))
-        elif listing:
+        if listing:
             if k > 0:
                 self.keep()
             self.broad.list_pairs(k, time, self.status.word(WORD))

@@ -5,16 +5,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.math import block
 from wsim.kernels.math.real import types
-from wsim.kernels.rigid.lists import few, pairs
+from wsim.kernels.rigid.lists import pairs
 from wsim.kernels.rigid.narrow.shape import KINDS
 from wsim.model.structs import filled
 
 
 class PairList:
-    """Trees of the bounds of shapes, of bodies and of colliders, and the launches that list pairs. Few shapes, which a block of
-    a GPU takes, need no trees (`wsim.kernels.rigid.lists.few`).
+    """Trees of the bounds of shapes, of bodies and of colliders, and the launches that list pairs.
 
     contacts: `wsim.physics.rigid.contacts.Contacts`, whose tables of shapes are there. first (shapes of bodies,): number of
     pairs up to each shape. arrays: what kernels note of shapes and bodies, for `Work` of kernels/rigid/contact.py."""
@@ -24,22 +22,17 @@ class PairList:
         real, device = contacts.real, contacts.device
         t, n, mine, shapes = types(real), contacts.frames, len(contacts.owners), contacts.shapes
         self.mine, self.shapes = mine, shapes
-        self.few: Any = None
-        self.reach = pairs.reach(real, module, filters is not None)
-        if contacts.form.name == "block":
-            self.few = few.list_few(real, module, block.meet, contacts.form.threads, filters is not None)
-        else:
-            self.listed, self.summed = pairs.listed(real, module, filters is not None), pairs.summed(module)
+        self.reach, self.listed = (make(real, module, filters is not None) for make in (pairs.reach, pairs.listed))
+        self.summed = pairs.summed(module)
 
         def zeros(length, dtype):
             return wp.zeros(length, dtype=dtype, device=device)
         low, high, up = (zeros(shapes, wp.vec3f) for _ in range(3))
-        self.bvh: Any = wp.Bvh(low[:mine], high[:mine]) if not self.few else None
+        self.bvh = wp.Bvh(low[:mine], high[:mine])
         endless = np.flatnonzero(contacts.table.ball.numpy() < 0.0).astype(np.int32)
-        self.still = wp.Bvh(low[mine:], high[mine:]) if shapes - mine > len(endless) and not self.few else None
+        self.still = wp.Bvh(low[mine:], high[mine:]) if shapes - mine > len(endless) else None
         more = {n: wp.array(v, dtype=int, device=device) for n, v in (filters.tables if filters else {}).items()}
-        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id if self.bvh else 0,
-                           still=self.still.id if self.still else 0,
+        self.tree = filled(pairs.trees(bool(more)), **more, id=self.bvh.id, still=self.still.id if self.still else 0,
                            low=low, high=high, up=up, endless=wp.array(endless, dtype=int, device=device))
         arm, slack = self.extents()
         self.number, self.first = zeros(mine, int), zeros(mine, int)
@@ -64,12 +57,6 @@ class PairList:
         self.model.launch(self.reach, self.shapes - self.mine, [self.contacts.rig(), self.mine, k, time], [self.tree])
         if self.still:
             (self.still.rebuild if anew else self.still.refit)()
-
-    def list_few(self, k: int, time: float, due: bool, last: Any, wanted: wp.array) -> None:
-        """Lists pairs where shapes are few, if that is due or a body has strayed; the last list is kept before."""
-        form, moving = self.contacts.form, self.shapes if self.contacts.moves else self.mine
-        form.launch(self.few, [wp.vec4i(form.threads, k, int(due), moving), time, self.contacts.rig(), self.tree, last],
-                    [self.first, self.number, wanted])
 
     def list_pairs(self, k: int, time: float, wanted: wp.array, anew: bool = True) -> None:
         """Lists the pairs that may meet within a time [s] from substep k on. wanted: a word, how many pairs there were. anew:
