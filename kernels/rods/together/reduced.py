@@ -15,7 +15,8 @@ and still does when every other node is eliminated. So in each step it is elimin
 
     W_ij = sum over steps where both have the same o of  v_i . D_o^-1 v_j          v: what is left of the column at o
 
-A thread has a column, and then entries of W. On 135 points a round of all points takes 9 us (H200), and there are up to 35.
+Eight threads share a column, and a thread has 9 entries of W. On 135 points a round of all points takes 8 us (H200), and there
+are up to 35; one in the motions of 9 pairs takes 2.
 """
 
 import warp as wp
@@ -30,70 +31,94 @@ from wsim.kernels.rods.together.reduction import PLACES, solve
 PAIRS = 32               # of a world that press, at most
 COLUMNS = 6 * PAIRS
 
-_COLUMN = """
-    auto product = [=](const double* matrix, const double* v, double* out) {
+_COLUMNS = """
+    // Eight threads a column, a row of its nodes each; on a CPU one has all.
+#if defined(__CUDA_ARCH__)
+    const int ROWS = 1, row_0 = lane & 7, team = lane >> 3, teams = lanes >> 3;
+    auto gather = [=](const double* own, double* all) {
         #pragma unroll
-        for (int i = 0; i < 8; ++i) {
-            double a = 0.0;
-            #pragma unroll
-            for (int c = 0; c < 8; ++c) a += matrix[c * column + i] * v[c];
-            out[i] = a;
-        }
+        for (int c = 0; c < 8; ++c) all[c] = __shfl_sync(0xffffffffu, own[0], c, 8);
     };
+#else
+    const int ROWS = 8, row_0 = 0, team = 0, teams = 1;
+    auto gather = [=](const double* own, double* all) { for (int c = 0; c < 8; ++c) all[c] = own[c]; };
+#endif
     #pragma unroll 1
-    for (int e = lane; e < n; e += lanes) {
-        const int pair = chosen[e / 6], side = 2 * ((e / 3) % 2), d = e % 3;
+    for (int turn_of = 0; turn_of < n; turn_of += teams) {
+        const bool alive = turn_of + team < n;                   // all threads of a warp come to `gather`
+        const int e = alive ? turn_of + team : 0, pair = chosen[e / 6], side = 2 * ((e / 3) % 2), d = e % 3;
         const int p = A.ids.data[pair][side], p1 = A.ids.data[pair][side + 1];
         const int i = p / m, k = p - i * m, has = (number[k] + 1) / 2;
         const double b = S.hold.data[p] < 0 ? A.b.data[pair][side] : 0.0;
         const double b1 = S.hold.data[p1] < 0 ? A.b.data[pair][side + 1] : 0.0;
         const bool within = i % 2 == 0;                          // both points are of one node
-        double own[8], next[8], v[8], u[8];                      // of nodes j and j + s
+        double own[ROWS], next[ROWS], mine[ROWS], v[8];          // rows of nodes j and j + s
         #pragma unroll
-        for (int c = 0; c < 8; ++c) {
-            own[c] = c == (within ? d : 4 + d) ? b : within && c == 4 + d ? b1 : 0.0;
-            next[c] = !within && c == d ? b1 : 0.0;
+        for (int y = 0; y < ROWS; ++y) {
+            const int row = row_0 + y;
+            own[y] = row == (within ? d : 4 + d) ? b : within && row == 4 + d ? b1 : 0.0;
+            next[y] = !within && row == d ? b1 : 0.0;
         }
-        int j = i / 2, level = 0;
+        int j = i / 2;
+        bool alone = within;                                     // there is nothing at j + s
         #pragma unroll 1
-        for (int s = 1; ; s *= 2, ++level) {
-            const bool root = s >= most, odd = root || (j / s) % 2 == 1;
+        for (int s = 1, level = 0; level < steps; s *= 2, ++level) {
+            const bool root = s >= most, odd = root || (j / s) % 2 == 1, some = odd || !alone;
             const int o = odd ? j : j + s, place = (o * m + k) * 8;
-            bool some = false;
             #pragma unroll
-            for (int c = 0; c < 8; ++c) {
-                v[c] = odd ? own[c] : next[c];
-                some = some || v[c] != 0.0;
-            }
-            where[level * room + e] = some ? o * m + k : -1;
-            if (some) {
-                product(inverse + place, v, u);
+            for (int y = 0; y < ROWS; ++y) mine[y] = odd ? own[y] : next[y];
+            gather(mine, v);
+            if (alive && row_0 == 0) where[level * room + e] = some ? o * m + k : -1;
+            if (!some) continue;
+            const bool right_too = !root && o + s < has;
+            #pragma unroll
+            for (int y = 0; y < ROWS; ++y) {
+                const int row = row_0 + y;
+                double u = 0.0, l = 0.0, r = 0.0;
                 #pragma unroll
                 for (int c = 0; c < 8; ++c) {
-                    path[((2 * level) * 8 + c) * room + e] = v[c];
-                    path[((2 * level + 1) * 8 + c) * room + e] = u[c];
+                    u += inverse[place + c * column + row] * v[c];
+                    if (!root) l += left_rows[place + c * column + row] * v[c];
+                    if (right_too) r += right_rows[place + c * column + row] * v[c];
                 }
+                if (alive) {
+                    path[(16 * level + row) * room + e] = mine[y];
+                    path[(16 * level + 8 + row) * room + e] = u;
+                }
+                own[y] = (odd ? 0.0 : own[y]) - l;               // of node o - s
+                next[y] = (odd ? next[y] : 0.0) - r;             // and of o + s
             }
-            if (root) break;
-            if (some) {
-                product(left_rows + place, v, u);                // to node o - s
-                #pragma unroll
-                for (int c = 0; c < 8; ++c) {
-                    if (odd) own[c] = 0.0; else next[c] = 0.0;
-                    own[c] -= u[c];
-                }
-                if (o + s < has) {
-                    product(right_rows + place, v, u);
-                    #pragma unroll
-                    for (int c = 0; c < 8; ++c) next[c] -= u[c];
-                }
-            } else if (odd) {                                    // nothing is left of the column at j
-                #pragma unroll
-                for (int c = 0; c < 8; ++c) own[c] = 0.0;
-            }
-            if (odd) j -= s;
+            alone = !right_too;
+            if (odd && !root) j -= s;
         }
-        steps = level + 1;
+    }
+"""
+
+# Blocks of W of two edges, in the order of a triangle whose first and last row, second and last but one ... are one row.
+_COMPLIANCE = """
+    const int edges = 2 * pairs;
+    #pragma unroll 1
+    for (int t = lane; t < pairs * (edges + 1); t += lanes) {
+        const int row = t / (edges + 1), b = t - row * (edges + 1), across = edges - row;
+        const int g = b < across ? row : edges - 1 - row, f = b < across ? row + b : g + b - across;
+        double a[3][3] = {};
+        #pragma unroll 1
+        for (int l = 0; l < steps; ++l) {
+            const int o = where[l * room + 3 * g];
+            if (o < 0 || o != where[l * room + 3 * f]) continue;
+            #pragma unroll
+            for (int c = 0; c < 8; ++c)
+                #pragma unroll
+                for (int x = 0; x < 3; ++x)
+                    #pragma unroll
+                    for (int y = 0; y < 3; ++y)
+                        a[x][y] += path[(16 * l + 8 + c) * room + 3 * g + x] * path[(16 * l + c) * room + 3 * f + y];
+        }
+        #pragma unroll
+        for (int x = 0; x < 3; ++x)
+            #pragma unroll
+            for (int y = 0; y < 3; ++y)
+                W[(3 * g + x) * room + 3 * f + y] = W[(3 * f + y) * room + 3 * g + x] = a[x][y];
     }
 """
 
@@ -133,23 +158,9 @@ _REDUCED = """
     double* const path = A.path.data + world * levels * 16 * room;
     double* const W = A.compliance.data + (size_t)world * room * room;
     TEAM_MEETS();
-""" + _COLUMN.replace("        steps = level + 1;\n", "") + """
+""" + _COLUMNS + """
     TEAM_MEETS();
-    #pragma unroll 1
-    for (int t = lane; t < n * n; t += lanes) {
-        const int e = t / n, f = t - e * n;
-        if (f < e) continue;
-        double a = 0.0;
-        #pragma unroll 1
-        for (int l = 0; l < steps; ++l) {
-            const int o = where[l * room + e];
-            if (o < 0 || o != where[l * room + f]) continue;
-            #pragma unroll
-            for (int c = 0; c < 8; ++c) a += path[((2 * l + 1) * 8 + c) * room + e] * path[((2 * l) * 8 + c) * room + f];
-        }
-        W[e * room + f] = a;
-        W[f * room + e] = a;
-    }
+""" + _COMPLIANCE + """
     double s[EACH], s_p[EACH], s_x[EACH], c[EACH], c_0[EACH], c_p[EACH], g[EACH];
     #pragma unroll
     for (int y = 0; y < EACH; ++y) {
@@ -196,12 +207,12 @@ _REDUCED = """
         for (int y = 0; y < EACH; ++y) {
             const int e = lane + y * lanes;
             if (e >= n) continue;
-            double four[4] = {a * c_0[y], 0.0, 0.0, 0.0};
-            for (int f = 0; f < n; f += 2) {                     // n is even
-                four[0] += W[f * room + e] * shared_s[f];
-                four[1] += W[(f + 1) * room + e] * shared_s[f + 1];
-            }
-            c[y] = four[0] + four[1];
+            double six[6] = {a * c_0[y], 0.0, 0.0, 0.0, 0.0, 0.0};
+            #pragma unroll 2
+            for (int f = 0; f < n; f += 6)
+                #pragma unroll
+                for (int x = 0; x < 6; ++x) six[x] += W[(f + x) * room + e] * shared_s[f + x];
+            c[y] = ((six[0] + six[1]) + (six[2] + six[3])) + (six[4] + six[5]);
             total += s[y] * (a * c_0[y] + c[y]);
         }
         total = sum(total) + a * a * rho0;

@@ -52,9 +52,11 @@ _FACTOR = PLACES + """
     for (int s = 1; s < 2 * most; s *= 2) {
         const bool root = s >= most;
         const int odds = root ? 1 : (most - 1 - s) / (2 * s) + 1;
+        const int all = odds * count * 8, ways = !root && 3 * all <= lanes ? 3 : 1;      // D^-1, A_l, A_r side by side
         #pragma unroll 1
-        for (int t = lane; t < odds * count * 8; t += lanes) {
+        for (int task = lane; task < all * ways; task += lanes) {
             int q;
+            const int way = task / all, t = task - way * all;
             const int c = t & 7, k = strand_of(t >> 3, q), o = root ? 0 : (2 * q + 1) * s, has = (number[k] + 1) / 2;
             if (o >= has) continue;
             const int place = (o * m + k) * 8;
@@ -78,7 +80,7 @@ _FACTOR = PLACES + """
                 }
             }
             #pragma unroll 1
-            for (int which = 0; which < (root ? 1 : 3); ++which) {       // columns of D^-1, A_l, A_r
+            for (int which = way; which < (root ? 1 : 3); which += ways) {
                 double* const Yl = R + (root ? 0 : ((o - s) * m + k) * 8 + c);
                 double* const Yr = R + c * column + place;
                 if (which == 2 && o + s >= has) break;
@@ -120,14 +122,14 @@ _FACTOR = PLACES + """
             #pragma unroll
             for (int c = 0; c < 8; ++c) a[c] = D[c * column + place + r];
             if (J + s < has)
-                #pragma unroll 2
+                #pragma unroll 4
                 for (int n = 0; n < 8; ++n) {
                     const double own = R[n * column + place + r];
                     #pragma unroll
                     for (int c = 0; c < 8; ++c) a[c] -= own * R[n * column + place + c];
                 }
             if (J - s >= 0)
-                #pragma unroll 2
+                #pragma unroll 4
                 for (int n = 0; n < 8; ++n) {
                     const double own = R[r * column + before + n];
                     #pragma unroll
@@ -138,7 +140,7 @@ _FACTOR = PLACES + """
             if (J + 2 * s < has) {
                 #pragma unroll
                 for (int c = 0; c < 8; ++c) a[c] = 0.0;
-                #pragma unroll 2
+                #pragma unroll 4
                 for (int n = 0; n < 8; ++n) {
                     const double own = R[n * column + place + r];
                     #pragma unroll
@@ -207,22 +209,8 @@ LEVELS = """
     }
 """
 
-_SOLVE = PLACES + f"""
-#if defined(__CUDA_ARCH__)
-    __shared__ double room[2 * 8 * {NODES}];
-    const bool small = most * count <= {NODES};
-    double* const v = small ? room : work.data;
-    double* const z = small ? room + 8 * {NODES} : work.data + column;
-    const int wide = small ? count : m, from = small ? first : 0;
-#else
-    double* const v = work.data;
-    double* const z = v + column;
-    const int wide = m, from = 0;
-#endif
-    const double* const given = (const double*)r.data;
-    double* const out = (double*)z_out.data;
-""" + """
-""" + PRODUCT + """    #pragma unroll 1
+# From r through all levels to z, with vectors at v and z.
+_ALL = PRODUCT + """    #pragma unroll 1
     for (int t = lane; t < 2 * most * count; t += lanes) {       // a point a thread
         int i;
         const int k = strand_of(t, i), has = number[k];
@@ -240,6 +228,25 @@ _SOLVE = PLACES + f"""
         const double* const of = z + vector(i / 2, k) + 4 * (i % 2);
         #pragma unroll
         for (int c = 0; c < 4; ++c) out[4 * (i * m + k) + c] = of[c];
+    }
+"""
+
+# Shared memory is named as it is, and not as one of two: the compiler then knows where loads go.
+_SOLVE = PLACES + f"""
+    const double* const given = (const double*)r.data;
+    double* const out = (double*)z_out.data;
+#if defined(__CUDA_ARCH__)
+    if (most * count <= {NODES}) {{
+        __shared__ double room[2 * 8 * {NODES}];
+        double *const v = room, *const z = room + 8 * {NODES};
+        const int wide = count, from = first;
+""" + _ALL + """
+    } else
+#endif
+    {
+        double *const v = work.data, *const z = v + column;
+        const int wide = m, from = 0;
+""" + _ALL + """
     }
     TEAM_MEETS();
     #undef TEAM_MEETS
