@@ -140,7 +140,7 @@ class ColliderTable:
         if not self.things:
             return
         now = dt, self.shift.tobytes(), [id(thing.motion) for thing in self.things]
-        if self.posed == now and not self.moving:
+        if self.posed == now and not any(thing.motion.moves or forms(thing) for thing in self.things):
             return
         self.posed = now
         M = np.array([thing.motion.sampled([time, time + dt]) for thing in self.things]).reshape(-1, 2, 4, 4)
