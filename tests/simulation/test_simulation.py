@@ -1,16 +1,18 @@
 """Whole scenes against closed forms, an independent integrator, conservation, and themselves."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tools.bench.nets import reference
 from wsim.model.stage import Remedy
-from wsim.scene import Plane, Scene, SceneError, Sphere, shapes
+from wsim.physics.rigid.objects import Body
+from wsim.scene import Collider, Plane, Scene, SceneError, Sphere, shapes
 from wsim.scene.curve import Motion
 from wsim.scene.fabric import Fabric
-from wsim.simulation import retry
+from wsim.simulation import cost, retry
 from wsim.simulation.simulation import Simulation
 
 CPU = {"device": "cpu"}
@@ -374,3 +376,18 @@ def test_worlds_have_their_own_parameters():
     assert sim.positions("/chain", world=0)[0, 1] == 0.0
     with pytest.raises(SceneError, match="in world 7 of 3"):
         sim.set("/chain", "stiffness", 1.0, world=7)
+
+
+@pytest.mark.parametrize("bodies, more, where", [
+    (3, {}, "cpu"), (49, {}, "gpu"), (3, {"worlds": 17}, "gpu"), (3, {"name": "gpu"}, "gpu"), (3, {"gradients": True}, "gpu"),
+    (3, {"cloth": True}, "gpu"), (0, {}, "gpu")])
+def test_few_rigid_bodies_alone_take_the_cpu_unless_a_device_is_named(monkeypatch, bodies, more, where):
+    devices = {"cpu": SimpleNamespace(is_cuda=False), "gpu": SimpleNamespace(is_cuda=True)}
+    monkeypatch.setattr(cost.kernel_cache, "device", lambda name: devices[name or "gpu"])
+    scene = Scene()
+    for k in range(bodies):
+        scene.add(Body(f"/ball{k}", [Collider(f"/ball{k}/shape", Sphere(1.0))]))
+    if more.get("cloth"):
+        scene.net("/net", np.eye(3), [[0, 1]], [1.0], [1.0])
+    found = cost.choose_device(more.get("name"), scene, more.get("worlds", 1), more.get("gradients", False))
+    assert found is devices[where]

@@ -44,7 +44,8 @@ def parser() -> argparse.ArgumentParser:
 
 def _solver(command) -> None:
     """Options that change what is simulated."""
-    command.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
+    command.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one, but the CPU for "
+                                                      "up to 48 rigid bodies alone)")
     command.add_argument("--precision", choices=("float32", "float64"), help="default: float32")
     command.add_argument("--substeps", type=whole, metavar="N", help="substeps a frame (default: the scene's)")
     command.add_argument("--iterations", type=whole, metavar="N", help="iterations a substep (default: the scene's)")

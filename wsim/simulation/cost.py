@@ -39,10 +39,11 @@ from math import inf, sqrt
 
 import numpy as np
 
+from wsim.model import kernel_cache
 from wsim.model.model import Model
 from wsim.physics.cloth.kind import SPRINGS, row
 from wsim.scene import Soft, Surface
-from wsim.scene.methods import loads_of_bodies, touches
+from wsim.scene.methods import every, loads_of_bodies, touches
 
 # GPU: an H100, frames of ten scenes by leapfrog, XPBD and Newton's method (tools/bench/nets/garments.py: in one launch where
 # that is the default), which are said to take 0.6 to 1.3 of what they do. What only large scenes tell is an H200's: nets that a
@@ -257,3 +258,18 @@ def _contacts(model: Model, n: int, iterations: int) -> dict[str, float]:
         met += len(c.shape.indices) if isinstance(c.shape, Surface) and (c.shape.poses is not None or c.motion.moves) else 0.0
     return {"touch": n * (1 + iterations), "near": n * met, "mesh": n * meshes,
             "wide": meshes * model.points * n / (n * model.scene.fps + SLOW)} | own if model.scene.colliders else own
+
+
+FEW = 48          # rigid bodies of all worlds. Contacts are solved one after the other, where they share a body: on an H200 30
+                  # dominoes take 5.3 ms a frame and an arch of 18 blocks 5.3, on a core beside it 2.9 and 1.6; 55 in a pyramid
+                  # take as long on both
+
+
+def choose_device(name, scene, worlds: int, gradients: bool):
+    """The device of a name; None: the CPU for FEW rigid bodies alone, else the GPU if there is one. Raises SceneError for a
+    name that no device has."""
+    device = kernel_cache.device(name)
+    few = 0 < len(scene.things("Body")) * worlds <= FEW and not gradients
+    if name is None and device.is_cuda and few and not scene.bodies() and all(row.name == "rigid" for row, _ in every(scene)):
+        device = kernel_cache.device("cpu")
+    return device

@@ -21,7 +21,7 @@ from wsim.model.kernel_cache import GATE
 from wsim.scene import Problem, Scene, SceneError
 from wsim.scene.check.counts import whole
 from wsim.scene.check.scene import check
-from wsim.simulation import duration, interrupt, retry
+from wsim.simulation import cost, duration, interrupt, retry
 from wsim.simulation import plan as plans
 from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.captures import Graphs, capture_forms, capture_frame
@@ -37,7 +37,7 @@ class Simulation:
     """A scene on a device, as in `Simulation(scene, device="cpu").run(10)`.
 
     scene      a `Scene`, the path of a USD file, or a `Usd.Stage`
-    device     "cpu", "cuda:0", ...; None takes the GPU if there is one
+    device     "cpu", "cuda:0", ...; None takes the GPU if there is one, but the CPU for up to 48 rigid bodies alone
     precision  "float32" or "float64" (the measuring instrument)
     worlds     so many independent copies of the scene in one set of arrays
     gradients  kernels are compiled with their adjoints, for a `wsim.gradient.recording.Recording`
@@ -59,14 +59,14 @@ class Simulation:
         if any(p.fatal for p in problems):
             raise SceneError([p for p in problems if p.fatal])
         self.given, self.precision, self.worlds = scene, precision, whole("worlds", worlds, 1)
-        self.gradients, self.fps, self.device = gradients, fps, kernel_cache.device(device)
+        self.gradients, self.fps, self.device = gradients, fps, cost.choose_device(device, scene, self.worlds, gradients)
         self.warnings, self.overlaps = [str(p) for p in (*scene.notes, *problems)], any(p.overlap for p in problems)
         self.seconds: dict[str, float] = {}
         self.graphs = Graphs()
         self.watchers: list[Callable] = []     # called with (simulation) after every frame, see `record`
         if worlds > 1:
             from wsim.simulation.measure.memory import fit
-            fit(scene, worlds, lambda: Simulation(scene, device=device, precision=precision))
+            fit(scene, worlds, lambda: Simulation(scene, device=self.device, precision=precision))
         self._build()
         self.seconds["build"] = time.perf_counter() - began
 
