@@ -47,6 +47,7 @@ class Domain:
         layout, real, module, dim = self.layout, threads.model.real, threads.module, self.layout.dim
         self.clock, self.going, self.done = threads.zeros(4), threads.zeros(1, int), threads.zeros(1, int)
         self.speed, self.more, self.wave, self.gravity = (threads.zeros(n) for n in (1, 1, 1, 3))
+        self.weighed: tuple = ()                 # what `weigh` has uploaded
         self.grid = self._grid()
         self.obstacles: Any = None
         if obstacles:
@@ -102,10 +103,13 @@ class Domain:
         """Uploads gravity [m/s^2], what it adds to a speed in a frame, and the speed that wants as many steps as waves do."""
         along, cell = np.zeros(3), self.liquid.cell
         along[:self.layout.dim] = np.asarray(gravity, np.float64)[list(self.layout.axes)]
+        given = self.flow.fastest if self.flow else 0.0
+        if self.weighed == (now := (*along, dt, given)):
+            return
+        self.weighed = now
         self.gravity.assign(along.astype(self.threads.model.dtype))
         self.more.assign(np.array([np.abs(along).max() * dt], self.threads.model.dtype))
         waves = np.sqrt(np.pi * np.abs(along).max() / cell)
-        given = self.flow.fastest if self.flow else 0.0
         self.wave.assign(np.array([self.liquid.cfl * max(cell * waves / WAVE, given / GIVEN)], self.threads.model.dtype))
 
     def settle(self) -> None:
