@@ -2,7 +2,7 @@
 vertical and sways, so that the cloth winds about itself.
 
     python -m tools.bench.contact.animated_body [--device cuda:0] [--points 10000] [--seconds 2]
-        [--solvers xpbd,leapfrog,auto] [--peer-python X/bin/python] [--json FILE] [--states FILE.npz]
+        [--solvers xpbd,auto] [--peer-python X/bin/python] [--json FILE] [--states FILE.npz]
 
 One table: ms of a frame (median and most, of whole `Simulation.step` calls), seconds of the first frame, and how good it is:
 `crossings`, the most pairs of triangles that intersect after any tenth of a second (exact test on float32 values, where
@@ -134,7 +134,7 @@ def main() -> None:
     parser.add_argument("--device", default=None)
     parser.add_argument("--points", type=int, default=10000)
     parser.add_argument("--seconds", type=float, default=2.0)
-    parser.add_argument("--solvers", default="xpbd,leapfrog")
+    parser.add_argument("--solvers", default="xpbd,auto")
     parser.add_argument("--peer-python", default=None, help="left out: wsim alone")
     parser.add_argument("--json", default=None)
     parser.add_argument("--states", default=None, help="file.npz for the last states of wsim")
