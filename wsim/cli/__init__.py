@@ -35,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="wsim", description="A USD scene in, a simulated USD layer out.")
     top.add_argument("--version", action="version", version=f"wsim {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for add in (_run, new_options.add, _check, _plan, _bench, _fit, _sweep, _view, _picture, _copy, _examples, _schema):
+    for add in (_run, new_options.add, _check, _plan, _bench, _fit, _sweep, _view, _picture, _copy, _examples, _docs, _schema):
         add(commands)
     for command in commands.choices.values():
         command.add_argument("--debug", action="store_true", help="show where an error came from")
@@ -168,6 +168,11 @@ def _examples(commands) -> None:
     examples.add_argument("name", nargs="?", metavar="NAME", help="writes NAME.usdc and the picture NAME.png")
     examples.add_argument("--frames", type=whole_or_none, metavar="N", help="default: the scene's")
     examples.add_argument("--device", type=named, help="cpu, cuda:0 ... (default: the GPU if there is one)")
+
+
+def _docs(commands) -> None:
+    docs = commands.add_parser("docs", help="list the pages of the documentation, or print one")
+    docs.add_argument("topic", nargs="?", metavar="TOPIC")
 
 
 def _schema(commands) -> None:

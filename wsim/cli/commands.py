@@ -8,6 +8,7 @@ from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from wsim.cli.docs import docs  # noqa: F401  (a command)
 from wsim.cli.examples import examples  # noqa: F401  (a command)
 from wsim.cli.progress import line
 from wsim.cli.schema import schema  # noqa: F401  (a command)

@@ -1,0 +1,62 @@
+"""The documentation (wsim/docs): its snippets run, its links lead somewhere, its sentences are short."""
+
+import re
+import shlex
+from statistics import median
+
+import pytest
+
+from tools.lint import ROOT
+from wsim import cli
+from wsim.cli.docs import pages
+
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
+PAGES = pages()
+
+
+def text(name: str) -> str:
+    return PAGES[name].read_text(encoding="utf-8")
+
+
+def sentences(page: str) -> list[list[str]]:
+    """Words of each sentence of the prose; a cell of a table and a row of a list are sentences of their own."""
+    prose = BLOCK.sub("", page)
+    prose = re.sub(r"^(#.*|\|[-|]+\|)$", "", prose, flags=re.M)
+    prose = re.sub(r"`[^`]*`", "code", re.sub(r"\]\([^)]*\)", "]", prose))
+    parts = re.split(r"(?<=[.:;!?])\s+(?=[A-Z\[`*c])|\n\s*\n|\||\n(?=[-\d])", prose)
+    return [words for part in parts if (words := re.findall(r"[\w'-]+", part))]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_snippets_run_one_after_the_other(name, tmp_path, monkeypatch):
+    """From a folder that has nothing but `scenes`."""
+    (tmp_path / "scenes").symlink_to(ROOT / "scenes", target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    for language, code in BLOCK.findall(text(name)):
+        if language == "python":
+            exec(compile(code, PAGES[name].name, "exec"), names)
+        else:
+            for line in code.strip().splitlines():
+                assert line.startswith("wsim ") and cli.main(shlex.split(line)[1:]) == 0, line
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_sentences_are_short(name):
+    """At most 20 words in the median, and 40 words."""
+    counts = [len(words) for words in sentences(text(name))]
+    assert median(counts) <= 20
+    assert max(counts) <= 40, max(sentences(text(name)), key=len)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_links_lead_to_pages(name):
+    links = re.findall(r"\]\(([^)#]+)\)", text(name))
+    assert all((PAGES[name].parent / link).exists() for link in links)
+
+
+def test_a_page_is_printed_by_its_name(capsys):
+    assert cli.main(["docs"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[:len(PAGES)]] == list(PAGES)
+    assert cli.main(["docs", "rigid-bodies"]) == 0 and capsys.readouterr().out == text("rigid_bodies")
+    assert cli.main(["docs", "clot"]) == 1 and "did you mean cloth?" in capsys.readouterr().err

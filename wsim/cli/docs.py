@@ -1,0 +1,34 @@
+"""`wsim docs`: the pages of wsim/docs, which are installed with the package."""
+
+from difflib import get_close_matches
+from pathlib import Path
+
+from wsim.scene import Problem, SceneError
+
+FOLDER = Path(__file__).resolve().parent.parent / "docs"
+FIRST = ("start", "concepts")              # the order of a reader; the others by name, these two last
+LAST = ("troubleshooting", "limits")
+
+
+def pages() -> dict[str, Path]:
+    """Files by topic, in the order in which one reads them."""
+    found = {path.stem: path for path in sorted(FOLDER.glob("*.md"))}
+    names = [*FIRST, *(name for name in found if name not in FIRST + LAST), *LAST]
+    return {name: found[name] for name in names}
+
+
+def docs(args) -> int:
+    """Lists the topics, or prints a page."""
+    found = pages()
+    if args.topic is None:
+        for name, path in found.items():
+            print(f"{name:{max(map(len, found))}}  {path.read_text(encoding='utf-8').partition(chr(10))[0].lstrip('# ')}")
+        print("\nRead one: wsim docs TOPIC. Fields of a class: help(wsim.Cloth) in Python. Attributes in USD: scenes/README.md")
+        return 0
+    topic = args.topic.replace("-", "_").lower()
+    if topic not in found:
+        close = get_close_matches(topic, found, 1)
+        guess = f"; did you mean {close[0]}?" if close else ""
+        raise SceneError(Problem(args.topic, f"no page has this name{guess}; there are: {', '.join(found)}"))
+    print(found[topic].read_text(encoding="utf-8"), end="")
+    return 0
