@@ -13,6 +13,7 @@ import warp as wp
 
 from wsim.kernels.rigid.contact import whole
 
+BLOCK = wp.constant(256)          # threads of a block of a cluster
 SERIAL = wp.constant(60)          # colours whose constraints are solved at the same time; the next is solved in turn
 
 
@@ -60,6 +61,17 @@ def acts(kind: Kind, real) -> Act:
     return Act(prepare, warm, kind.solve)
 
 
+@wp.func
+def spread(i: int, threads: int):
+    """Which constraint thread i begins with. The first warps of all blocks come before their second ones: those of a colour
+    seldom fill more than a few warps, which wait for one another on one multiprocessor."""
+    first = i
+    if threads % BLOCK == 0:
+        blocks = threads // BLOCK
+        first = ((i % BLOCK) // 32 * blocks + i // BLOCK) * 32 + i % 32
+    return first
+
+
 def in_colour(kind: Kind, act, real):
     """Function: constraints of one colour, by thread i of so many."""
     Rig, start, item = whole(real), kind.start, kind.item
@@ -67,7 +79,7 @@ def in_colour(kind: Kind, act, real):
     @wp.func
     def walk(colour: int, i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
         last = start(colour + 1, rig)
-        slot = start(colour, rig) + i
+        slot = start(colour, rig) + spread(i, threads)
         stride = threads
         if colour >= SERIAL:
             stride = 1
@@ -99,7 +111,7 @@ def at_once(kind: Kind, act, real):
 
     @wp.func
     def walk(i: int, threads: int, k: int, h: real, biased: int, rig: Rig):
-        for slot in range(start(0, rig) + i, start(colours(rig), rig), threads):
+        for slot in range(start(0, rig) + spread(i, threads), start(colours(rig), rig), threads):
             act(item(slot, rig), k, h, biased, rig)
 
     return walk

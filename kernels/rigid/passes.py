@@ -14,7 +14,7 @@ import warp as wp
 
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.impact import impacts
-from wsim.kernels.rigid.kinds import Kind, acts, at_once, by_colour, in_turn
+from wsim.kernels.rigid.kinds import Kind, acts, at_once, by_colour, in_turn, spread
 from wsim.kernels.rigid.lists.pairs import straying
 from wsim.kernels.rigid.soft_step import body_steps
 
@@ -27,13 +27,13 @@ def over_bodies(real):
     def begun(i: int, threads: int, h: real, rig: Rig):
         if i == 0:
             rig.work.strayed[0] = 0
-        for b in range(i, rig.b.w.shape[0], threads):
+        for b in range(spread(i, threads), rig.b.w.shape[0], threads):
             forces(b, h, rig)
 
     @wp.func
     def faced(i: int, threads: int, k: int, last: int, rig: Rig):
         n = rig.b.w.shape[0]
-        for f in range(i, last, threads):
+        for f in range(spread(i, threads), last, threads):              # by the thread that places it
             if f < n:
                 oriented(f, rig)
             else:
@@ -46,7 +46,7 @@ def over_bodies(real):
 
     @wp.func
     def ended(i: int, threads: int, k: int, h: real, rig: Rig):
-        for b in range(i, rig.b.w.shape[0], threads):
+        for b in range(spread(i, threads), rig.b.w.shape[0], threads):
             place(b, h, rig)
             stray(b, h, rig)
         last = rig.b.w.shape[0]

@@ -8,6 +8,7 @@ import warp as wp
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.joint.elimination import Linked
 from wsim.kernels.rigid.joint.steps import functions
+from wsim.kernels.rigid.kinds import spread
 from wsim.kernels.rigid.lists.pairs import straying
 from wsim.kernels.rigid.motion import double3, kicked
 from wsim.kernels.rigid.passes import over_bodies, walks
@@ -26,7 +27,7 @@ def bodies(real):
         half = real(0.5) * h
         if i == 0:
             rig.work.strayed[0] = 0
-        for b in range(i, rig.b.w.shape[0], threads):
+        for b in range(spread(i, threads), rig.b.w.shape[0], threads):
             p = rig.now.p[b]
             L = rig.now.L[b]
             J.p[b] = double3(p)
@@ -37,7 +38,7 @@ def bodies(real):
 
     @wp.func(inline=False)
     def ended(i: int, threads: int, k: int, h: real, rig: Rig, J: Linked):
-        for b in range(i, rig.b.w.shape[0], threads):
+        for b in range(spread(i, threads), rig.b.w.shape[0], threads):
             if J.t.linked[b] == 0:
                 place(b, h, rig)
             elif rig.work.asleep[b] == 0:

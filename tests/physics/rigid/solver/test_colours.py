@@ -2,10 +2,18 @@
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.physics.rigid.test_contact import Seen, ball, box, free, world
 from wsim.kernels.rigid import launches
+from wsim.kernels.rigid.kinds import spread
 from wsim.physics.rigid import forms
+
+
+@wp.kernel(module="rigid_spread", enable_backward=False)
+def begins(threads: int, first_out: wp.array(dtype=int)):
+    i = wp.tid()
+    first_out[i] = spread(i, threads)
 
 
 @pytest.fixture(autouse=True)
@@ -139,3 +147,13 @@ def test_a_heap_without_weight_keeps_its_momentum():
 def test_a_form_has_a_name_of_the_table():
     with pytest.raises(ValueError, match="there are listed, coloured, block, cluster, launches"):
         forms.Form("quick")
+
+
+def test_threads_of_all_blocks_share_the_constraints_of_a_colour():
+    """Each begins with another one, and the first warp of every block comes before any second one."""
+    threads, blocks = 4096, 16
+    first = wp.zeros(threads, dtype=int, device="cpu")
+    wp.launch(begins, threads, [threads], [first], device="cpu")
+    found = first.numpy()
+    assert sorted(found) == list(range(threads))
+    assert {int(np.flatnonzero(found == 32 * k)[0]) // (threads // blocks) for k in range(blocks)} == set(range(blocks))
