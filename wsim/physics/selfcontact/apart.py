@@ -60,7 +60,7 @@ class Apart:
         b.state.add(self.part)
         self.wait, self.tried, self.vain = 1, 0, False      # vain: the frame has been tried without stages, and repeated
         size, what = 9 * n * np.dtype(b.model.dtype).itemsize, "tubes of a whole frame"
-        self.stages = [Stage("apart", "deform", self.look, 8, size, "frame", what, FREE)]
+        self.stages = [Stage("apart", "deform", self.look, 8, size, "frame", what, FREE)][:not method.strands]
         self.aside: Any = None           # a list of its own, that looks back
         if not (method.strands or method.obstacles):
             self.aside = method.near.beside()
