@@ -5,6 +5,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.project import SUNK
+from wsim.kernels.math.real import present
 
 
 @wp.func_native("""
@@ -74,15 +75,12 @@ def refit(module):
 
 @cache
 def pose_mesh(module):
-    """Kernel over the points of a deforming mesh: its shape at the end of substep k, and the way there [m]. now: as of
-    `wsim.kernels.contact.project.read`."""
+    """Kernel over the points of a deforming mesh: its shape at the end of substep k, and the way there [m]."""
 
     def pose_mesh(track: wp.array2d(dtype=wp.vec3f), k: int, now: wp.array(dtype=int), point_out: wp.array(dtype=wp.vec3f),
                   step_out: wp.array(dtype=wp.vec3f)):
         i = wp.tid()
-        j = int(k)
-        if now:
-            j += now[0]
+        j = present(k, now)
         end = track[j + 1, i]
         point_out[i] = end
         step_out[i] = end - track[j, i]

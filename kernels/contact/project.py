@@ -128,7 +128,7 @@ def read(real):
         a: wp.array(dtype=t.vec3)
         push: wp.array(dtype=t.vec3)              # P of each slot
         k: int                                    # substep
-        now: wp.array(dtype=int)                  # what is added to k, where the device counts substeps, else empty
+        now: wp.array(dtype=int)                  # as `wsim.kernels.math.real.present` has it
 
     return Read
 

@@ -25,7 +25,7 @@ from wsim.kernels.contact import collide
 from wsim.kernels.contact.mesh import SOLID
 from wsim.kernels.contact.project import SUNK, read, slots, tables
 from wsim.kernels.math.marks import own
-from wsim.kernels.math.real import types
+from wsim.kernels.math.real import present, types
 
 SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no reason to look deeper
 ROOM = 8               # rows that a look into the tree lists at most: it looks again behind the last; most points need one look
@@ -245,10 +245,8 @@ def search(kinds: tuple[str, ...], real, module, broad: bool = False, listed: bo
     def search(c: Rows, points: Points, at: Read, s: Slots, d_out: vectors, a_out: vectors, push_out: vectors,
                struck_out: wp.array(dtype=real)):
         i = wp.tid()
-        k = int(at.k)
-        if at.now:
-            k += at.now[0]
-        carried = find(c, points, s, wp.vec3i(i, k, c.deep[0] | (s.mark[i] & SUNK)), at.x[i], at.d[i], push_out)
+        now = wp.vec3i(i, present(at.k, at.now), c.deep[0] | (s.mark[i] & SUNK))
+        carried = find(c, points, s, now, at.x[i], at.d[i], push_out)
         if wp.dot(carried, carried) > real(0.0):
             d_out[i] = at.d[i] + carried
             a_out[i] = at.a[i] + carried

@@ -13,9 +13,10 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.contact.project import SUNK
+from wsim.kernels.math.block import meet
 
 MODULE, BLOCK_MODULE = "wsim_mesh_refit", "wsim_mesh_refit_block"
-SMALL, BLOCK = 6000, 1024                # triangles of a tree that one block fits; its threads
+SMALL, BLOCK = 6000, 512                 # triangles of a tree that one block fits; its threads
 BOUND = """
     wp::Mesh* m = (wp::Mesh*)mesh;
     const wp::vec3* x = m->points.data;
@@ -140,9 +141,17 @@ def fit():
 
 @cache
 def fit_block():
-    """Kernel of one block: both, of a tree of up to SMALL triangles."""
+    """Kernel of one block: the shape at the end of a substep, as `wsim.kernels.animation.deformed.pose_mesh`, and boxes and
+    solid angles of a tree of up to SMALL triangles. track: shapes, (substeps + 1, points); now: the substep."""
     @wp.kernel(module=BLOCK_MODULE, enable_backward=False, launch_bounds=BLOCK)
-    def fit_small_mesh(mesh: wp.uint64, deep: wp.array(dtype=int), mark: wp.array(dtype=int)):
+    def fit_small_mesh(mesh: wp.uint64, track: wp.array2d(dtype=wp.vec3f), now: wp.array(dtype=int), deep: wp.array(dtype=int),
+                       mark: wp.array(dtype=int), point_out: wp.array(dtype=wp.vec3f), step_out: wp.array(dtype=wp.vec3f)):
+        k = now[0]
+        for i in range(wp.tid(), track.shape[1], wp.block_dim()):
+            end = track[k + 1, i]
+            point_out[i] = end
+            step_out[i] = end - track[k, i]
+        meet()
         fit_by_block(mesh, wp.tid(), wp.block_dim(), deep, mark)
 
     return fit_small_mesh

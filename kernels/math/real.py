@@ -1,4 +1,4 @@
-"""Scalar, vector and matrix types of one precision, so that one source serves float32 and float64."""
+"""Scalar, vector and matrix types of one precision, so that one source serves float32 and float64; numbers of substeps."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -25,3 +25,12 @@ def types(real) -> SimpleNamespace:
 def differentiable(module) -> bool:
     """Whether a module has the adjoints of its kernels, which double the time to compile it: its name says so."""
     return str(module).endswith(ADJOINT)
+
+
+@wp.func
+def present(k: int, now: wp.array(dtype=int)):
+    """Number of a substep: k, and what the device has counted, `now`, which is empty (None) where the host counts."""
+    number = int(k)
+    if now:
+        number += now[0]
+    return number

@@ -24,7 +24,7 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.marks import whole
-from wsim.kernels.math.real import differentiable, types
+from wsim.kernels.math.real import differentiable, present, types
 
 
 @cache
@@ -221,10 +221,9 @@ def move_pins(real, module):
 
     @wp.kernel(module=module, enable_backward=differentiable(module))
     def move_pins(point: wp.array(dtype=int), target: wp.array2d(dtype=t.vec3), x: wp.array(dtype=t.vec3),
-                  e: wp.array(dtype=t.vec3), k: int, part: real, d_out: wp.array(dtype=t.vec3)):
-        p = wp.tid()
-        i = point[p]
-        d_out[i] = e[i] + part * ((target[k, p] - x[i]) - e[i])
+                  e: wp.array(dtype=t.vec3), k: int, now: wp.array(dtype=int), part: real, d_out: wp.array(dtype=t.vec3)):
+        i = point[wp.tid()]
+        d_out[i] = e[i] + part * ((target[present(k, now), wp.tid()] - x[i]) - e[i])
 
     return move_pins
 

@@ -16,7 +16,7 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.math.real import types
+from wsim.kernels.math.real import present, types
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import cut, pairs
 from wsim.kernels.selfcontact.tubes import frames
@@ -26,7 +26,7 @@ from wsim.kernels.selfcontact.tubes import frames
 def place(real, module):
     """Kernel: x, d, a of the points of one collider in substep k, in arrays of their own. own: numbers of the points of its
     mesh, (m,); M: its frames at the ends of substeps; track: its points at these, (substeps + 1, n), or always, (1, n); now: as
-    of `wsim.kernels.contact.project.read`; part: 1 - g / h."""
+    `present` has it; part: 1 - g / h."""
     t, State = types(real), states(real)
 
     @wp.func
@@ -40,9 +40,7 @@ def place(real, module):
                      now: wp.array(dtype=int), part: real, to: State):
         i = wp.tid()
         j = own[i]
-        row = int(k)
-        if now:
-            row += now[0]
+        row = present(k, now)
         begin = at(M, track, row, j)
         way = at(M, track, row + 1, j) - begin
         to.x[i] = begin

@@ -81,15 +81,19 @@ def test_trees_that_a_loop_fits_are_warps(sides, how):
     for own in (False, True):
         places = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cuda:0")
         mesh = wp.Mesh(places, wp.array(corners.ravel(), dtype=int, device="cuda:0"), support_winding_number=True)
-        places.assign(moved)
+        if not own or how == "blocks":
+            places.assign(moved)
         if own:
             deep, mark, wound = (wp.array([value], dtype=int, device="cuda:0") for value in (0, SUNK * (how != "boxes"), 0))
             if how == "blocks":
                 wp.launch(mesh_refit.bound(), len(corners), [mesh.id, len(corners), deep, mark], [wound], device="cuda:0")
                 wp.launch(mesh_refit.fit(), len(corners), [mesh.id, len(corners)], [wound], device="cuda:0")
             else:
-                wp.launch(mesh_refit.fit_block(), mesh_refit.BLOCK, [mesh.id, deep, mark], [], device="cuda:0",
-                          block_dim=mesh_refit.BLOCK)
+                shapes_of = wp.array(np.stack([0.0 * moved, moved]), dtype=wp.vec3f, device="cuda:0")
+                still = wp.zeros_like(places)
+                wp.launch(mesh_refit.fit_block(), mesh_refit.BLOCK, [mesh.id, shapes_of, wound, deep, mark], [places, still],
+                          device="cuda:0", block_dim=mesh_refit.BLOCK)
+                assert np.array_equal(still.numpy(), moved)
             assert wound.numpy()[0] == 0
         else:
             mesh.refit()

@@ -108,23 +108,22 @@ class Mesh:
     def launch(self, of, k: int, loop=None) -> None:
         """The shape at the end of substep k, its motion and its tree; capturable. of: `wsim.physics.contact.contacts.Contacts`,
         which has a kernel for the tree on a CPU; loop: as `Clock.loop`."""
-        mesh, track = self.device["mesh"], self.device["track"]
-        of.launch(of.pose_kernel, track.shape[1], [track, 0, loop.number] if loop else [track, k, None],
-                  [mesh.points, mesh.velocities])
+        mesh, track, threads = self.device["mesh"], self.device["track"], len(self.triangles)
+        asked, shape = [of.table.deep, of.mark], [mesh.points, mesh.velocities]            # winding numbers; where it is now
         if loop and of.refit_kernel is None:
             from wsim.kernels.math import mesh_refit
-            threads, asked = len(self.triangles), [of.table.deep, of.mark]
             if threads <= mesh_refit.SMALL:
-                of.launch_blocks(mesh_refit.fit_block(), 1, mesh_refit.BLOCK, [mesh.id, *asked], [])
+                of.launch_blocks(mesh_refit.fit_block(), 1, mesh_refit.BLOCK, [mesh.id, track, loop.number, *asked], shape)
                 return
+        of.launch(of.pose_kernel, track.shape[1], [track, 0, loop.number] if loop else [track, k, None], shape)
+        if loop and of.refit_kernel is None:
             of.launch(mesh_refit.bound(), threads, [mesh.id, threads, *asked], [self.device["wound"]])
             of.launch(mesh_refit.fit(), threads, [mesh.id, threads], [self.device["wound"]])
         elif of.refit_kernel is None:
             mesh.refit()
         else:
             function = ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value
-            asked = [int(of.adjoint is not None), of.table.deep, of.mark]         # winding numbers
-            of.launch(of.refit_kernel, 1, [function, mesh.id, *asked], [])
+            of.launch(of.refit_kernel, 1, [function, mesh.id, int(of.adjoint is not None), *asked], [])
 
 
 def deforming(meshes, module, cpu: bool) -> tuple:

@@ -196,8 +196,9 @@ class Pins(Method):
         s = self.state
         solves = clock.integrator.solves
         row, part = (clock.k + clock.k // solves, 1.0) if solves > 1 else (clock.k, clock.part)
-        target, row = clock.read_rows(self.target["hard"], row)
-        self.model.launch(self.move, self.place["hard"].size, [self.place["hard"], target, s.x, s.e, row, part], [s.d])
+        row, now = (0, clock.loop.number) if clock.loop else (row, None)
+        self.model.launch(self.move, self.place["hard"].size,
+                          [self.place["hard"], self.target["hard"], s.x, s.e, row, now, part], [s.d])
 
     def put(self, clock: Clock) -> None:
         """Puts the points in their places behind the last stage of a step."""
