@@ -32,6 +32,23 @@ def sum_team(J: wp.vec3d, T: wp.vec3d, warps: int, team: int):
 
 
 @cache
+def energies(real):
+    """(energy, weight): functions of body i: twice the kinetic energy [J] of momenta p and L; of what its weight gives
+    in h [s]."""
+    Rig = whole(real)
+
+    @wp.func
+    def energy(rig: Rig, i: int, p: wp.vec3d, L: wp.vec3d):
+        return wp.float64(rig.b.w[i]) * wp.dot(p, p) + wp.dot(L, wp.mat33d(rig.work.spread[i]) * L)
+
+    @wp.func
+    def weight(rig: Rig, i: int, h: real):
+        return wp.float64(rig.work.g * h) * wp.float64(rig.work.g * h) / wp.float64(rig.b.w[i])
+
+    return energy, weight
+
+
+@cache
 def of_contacts(real):
     """(gather, tell): functions of contact m. gather: its row of a star; tell: its plane and the speed of its surface, where
     the body goes by V, (v, o)."""

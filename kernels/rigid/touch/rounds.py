@@ -27,7 +27,7 @@ from wsim.kernels.math.team import any_of, counted, meet_team, teams
 from wsim.kernels.rigid.contact import whole
 from wsim.kernels.rigid.kinds import SERIAL, Kind
 from wsim.kernels.rigid.motion import double3
-from wsim.kernels.rigid.touch.exchange import of_bodies, of_contacts, rotate_moments
+from wsim.kernels.rigid.touch.exchange import energies, of_bodies, of_contacts, rotate_moments
 from wsim.kernels.rigid.touch.points import beginning, structs
 from wsim.kernels.rigid.touch.star import solving
 from wsim.kernels.rigid.touch.star import structs as stars
@@ -153,7 +153,7 @@ def reaching(real):
     Worlds, Rig, Slots, Points = worlds(real), whole(real), project.slots(real), structs(real)[2]
     Table = project.tables(real)[0]
     (gather, tell), (hub, _), solve = of_contacts(real), of_bodies(real), solving(real)
-    near = NEAR[real] ** 2
+    (energy, weight), near = energies(real), NEAR[real] ** 2
 
     @wp.func
     def foresee(c: Table, s: Slots, p: Points, W: Worlds, rig: Rig, i: int, at: wp.vec4i, first: int):
@@ -168,8 +168,10 @@ def reaching(real):
             v = W.V[i]
             o = W.V[n + i]
         meet_team(at[2], at[3])
+        own = energy(rig, i, double3(rig.now.p[i]), double3(rig.now.L[i])) + weight(rig, i, p.h)
+        kg = wp.vec3d(wp.float64(p.h), wp.float64(p.g), wp.float64(1e-6 * near) * own)
         left = real(0.0)
-        v, o, left = solve(W.rows, W.hubs, i, at, wp.float64(p.h), wp.float64(p.g), v, o)
+        v, o, left = solve(W.rows, W.hubs, i, at, kg, v, o)
         for m in range(W.rows.first[i] + at[0], W.rows.first[i + 1], at[1]):
             tell(W.rows, W.found, m, v, o, p.h, s)
         if at[0] == 0:
@@ -185,10 +187,6 @@ def reaching(real):
                 W.aim[n + i] = rotate_moments(wp.mat33d(rig.work.turn[i]), double3(rig.b.inverse[i]), W.found.ahead[n + i] + o)
 
     @wp.func
-    def energy(rig: Rig, i: int, p: wp.vec3d, L: wp.vec3d):
-        return wp.float64(rig.b.w[i]) * wp.dot(p, p) + wp.dot(L, wp.mat33d(rig.work.spread[i]) * L)
-
-    @wp.func
     def reached(W: Worlds, rig: Rig, i: int, h: real):
         n = rig.b.w.shape[0]
         p = W.aim[i]
@@ -196,9 +194,8 @@ def reaching(real):
         own = double3(rig.now.p[i])
         turning = double3(rig.now.L[i])
         off = wp.min(energy(rig, i, own - p, turning - L), energy(rig, i, own - W.was[i], turning - W.was[n + i]))
-        weight = wp.float64(rig.work.g * h)
-        all = energy(rig, i, p, L) + energy(rig, i, W.found.total[i], W.found.total[n + i])
-        return off <= wp.float64(near) * (all + weight * weight / wp.float64(rig.b.w[i]))
+        all = energy(rig, i, p, L) + energy(rig, i, W.found.total[i], W.found.total[n + i]) + weight(rig, i, h)
+        return off <= wp.float64(near) * all
 
     return foresee, reached
 

@@ -185,14 +185,14 @@ def sums(of):
 
 @cache
 def solving(of):
-    """Function (rows, hubs, body, at, k, g, v0, o0): V from the guess v0, o0 on, and what is left of F as a part of the
-    impulses or of what it began with. at: lane, lanes and warps of the team of threads that solves, and its number in the
-    block."""
+    """Function (rows, hubs, body, at, kg, v0, o0): V from the guess v0, o0 on, and what is left of F as a part of the impulses
+    or of what it began with. at: lane, lanes and warps of the team of threads that solves, and its number in the block. kg: k,
+    g, and F^2 that counts as nothing [J / 2]."""
     Rows, Hubs = structs(of)
     part_of = sums(of)
 
     @wp.func
-    def solving(rows: Rows, hubs: Hubs, body: int, at: wp.vec4i, k: real, g: real, v0: vec3, o0: vec3):
+    def solving(rows: Rows, hubs: Hubs, body: int, at: wp.vec4i, kg: vec3, v0: vec3, o0: vec3):
         inertia, spread = inertias(mat33(hubs.turn[body]), vec3(hubs.inverse[body]))
         w = real(hubs.w[body])
         v = v0
@@ -212,7 +212,7 @@ def solving(of):
             going -= 1
             tv = v + part * dv
             to = o + part * do
-            S = gathered(part_of(rows, body, at[0], at[1], k, g, tv, to), at[2], at[3])
+            S = gathered(part_of(rows, body, at[0], at[1], kg[0], kg[1], tv, to), at[2], at[3])
             Fv = tv / w - hubs.q[body] + S.J
             Fo = inertia * to - hubs.q[hubs.w.shape[0] + body] + S.T
             found = w * wp.dot(Fv, Fv) + wp.dot(Fo, spread * Fo)
@@ -224,7 +224,7 @@ def solving(of):
                 best_v = tv
                 best_o = to
                 scale = wp.max(begun, w * S.size * S.size)
-                if best <= SMALL * scale:
+                if best <= wp.max(SMALL * scale, kg[2]):
                     going = int(0)
             if part < LEAST_STEP:
                 stuck = int(1)
@@ -252,7 +252,7 @@ def star(of, module):
         tid = wp.tid()
         body = tid // lanes
         at = wp.vec4i(tid % lanes, lanes, (lanes + 31) // 32, 0)
-        v, o, left = solve(rows, hubs, body, at, k, g, vec3(), vec3())
+        v, o, left = solve(rows, hubs, body, at, vec3(k, g, real(0.0)), vec3(), vec3())
         if tid % lanes == 0:
             V_out[body] = v
             V_out[hubs.w.shape[0] + body] = o
