@@ -1,0 +1,147 @@
+"""The registry of fast paths: code besides the general path that gives the same answer sooner on some device for some sizes.
+
+A row says what is computed, where the fast path is taken, how it is switched off, what it gains, and which test compares it
+with the general path. `python -m tools.bench.choice.fast_paths` measures the gains and prints the table of
+tools/results/README.md; tests/bench/test_fast_paths.py holds rows to the code: a new file of native code needs a row, or a
+reason in NATIVE.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+LEAST = 1.5              # gain below which a fast path is not worth its code
+
+
+@dataclass(frozen=True)
+class FastPath:
+    """name      of the row, and of its scene in the tool
+    law       what it computes
+    device    "cpu" or "cuda"
+    sizes     for which it is taken
+    off       "module:attribute" and the value that switches it off where a scene is built and run
+    code      files of the fast path that nothing else uses
+    test      file and function that compares it with the general path
+    gain      time of the general path over its own; None: not measured by the tool
+    measured  where, and by what if not by the tool
+    copies    whether it has a formula of the law a second time, in C++; else it calls the law's own"""
+
+    name: str
+    law: str
+    device: str
+    sizes: str
+    off: tuple[str, Any]
+    code: tuple[str, ...]
+    test: str
+    gain: float | None
+    measured: str
+
+    @property
+    def copies(self) -> bool:
+        return any(file in COPIES for file in self.code)
+
+
+COPIES = {              # what Warp cannot call: lanes of Clang's vectors, registers that a whole frame stays in
+    "kernels/motion/march_cpu.py", "kernels/motion/sheet_march.py", "kernels/soft/packets.py",
+    "kernels/solver/sweeps/packets.py", "kernels/fused/sheet.py", "kernels/fused/limits.py", "kernels/motion/cluster.py",
+    "kernels/fused/conjugate.py"}
+FUSES = "wsim.model.launches:Launches.fuses"
+INF = float("inf")
+XEON = "two cores of a Xeon"
+TOUCH = "tests/gpu/test_touch.py"
+
+
+def cpu(name: str, law: str, sizes: str, off: tuple[str, Any], code: tuple[str, ...], test: str, gain: float | None,
+        measured: str = XEON) -> FastPath:
+    return FastPath(name, law, "cpu", sizes, off, code, test, gain, measured)
+
+
+def cuda(name: str, law: str, sizes: str, off: tuple[str, Any], code: tuple[str, ...], test: str, gain: float | None = None,
+         measured: str = "not yet") -> FastPath:
+    return FastPath(name, law, "cuda", sizes, off, code, test, gain, measured)
+
+
+ROWS = (
+    cpu("springs in one pass", "explicit steps of nets", "all",
+        ("wsim.physics.motion.forces:ForceGather.march", lambda self, module, bounded: None),
+        ("kernels/motion/march_cpu.py",),
+        "tests/physics/motion/test_packets.py::test_a_substep_at_a_time_is_the_same_motion", 3.2),
+    cpu("sheets by eights", "explicit steps of membranes and hinges", "all", (FUSES, False), ("kernels/motion/sheet_march.py",),
+        "tests/physics/motion/test_sheets.py::test_frames_are_those_of_launch_by_launch", 6.5),
+    cpu("substeps by a team", "explicit steps of tets, and of sheets with contacts", "all", (FUSES, False),
+        ("kernels/motion/abreast.py",),
+        "tests/physics/fused/test_abreast.py::test_any_number_of_threads_gives_the_bits_of_launch_by_launch", 1.6,
+        "wall time on two free cores: cape 2.1, tablecloth 1.8, bear 1.5, flag 1.3"),
+    cpu("tets by eights", "corotational and neo-Hookean forces of linear tets", "all", ("wsim.physics.soft.fem:PACKETS", ()),
+        ("kernels/soft/packets.py",),
+        "tests/physics/soft/test_packets.py::test_packets_have_the_forces_of_tets_one_by_one", 2.1),
+    cpu("sweeps by eights", "XPBD of membranes and hinges", "all", ("wsim.physics.solver.batch:PACKED", False),
+        ("kernels/solver/sweeps/packets.py",),
+        "tests/physics/solver/test_sweep_packets.py::test_eight_at_a_time_are_what_one_after_the_other_are", 2.9),
+    cpu("tree of colliders", "contacts of points", "64 colliders of an object and more",
+        ("wsim.physics.contact.contacts:MANY", 1 << 30), (),
+        "tests/physics/fused/test_fused.py::test_colliders_that_a_tree_finds_are_launched_substep_by_substep", 1.7),
+    cpu("frames without contacts", "contacts of points", "colliders out of reach",
+        ("wsim.physics.contact.clearance:possible", lambda scene, gradients: False), (),
+        "tests/physics/contact/test_clearance.py::test_a_far_collider_leaves_explicit_steps_their_bits", 1.5),
+    cpu("direct pressure", "pressure of smoke in a box without obstacles", "up to 800 cells along all axes together",
+        ("wsim.physics.fluid.grid.domain:MOST", 0), ("kernels/fluid/solver/diagonal.py",),
+        "tests/physics/fluid/pressure/test_direct.py", 1.6),
+    cuda("frames of sheets by blocks", "explicit steps of sheets and solids", "up to 12k points in float32, sm_90",
+         ("wsim.physics.fused.domains:LARGE", 999),
+         ("kernels/fused/sheet.py", "kernels/fused/limits.py", "kernels/fused/lanes.py"),
+         "tests/gpu/solver/test_sheets.py", 2.9, "H200: shirt on its dummy 64.3 to 22.0 ms, cape 36.0 to 10.3"),
+    cuda("frames of nets by a cluster", "explicit steps of nets", "up to 8k points, sm_90",
+         ("wsim.physics.motion.forces:_clusters", lambda device: False), ("kernels/motion/cluster.py",),
+         "tests/gpu/solver/test_fused.py"),
+    cuda("substeps in one launch", "explicit steps", "up to 8192 points that no blocks share", (FUSES, False),
+         ("kernels/fused/body.py",), "tests/gpu/solver/test_fused.py"),
+    cuda("conjugate gradients by a cluster", "Newton steps", "up to 2048 points, sm_90",
+         ("wsim.physics.fused.conjugate:LARGE", 999), ("kernels/fused/conjugate.py",), "tests/gpu/solver/test_conjugate.py",
+         3.6, "H100: twist 12.7 to 3.5 ms, cantilever 3.5 to 1.2"),
+    cuda("conjugate gradients by a block", "Newton steps", "up to 1500 points",
+         ("wsim.physics.solver.linear:FUSE", {"cuda": 0, "cpu": 2**31}), ("kernels/solver/pcg.py",),
+         "tests/physics/solver/test_newton_adjoint.py::test_several_blocks_a_body_do_the_same_as_one"),
+    cuda("Schwarz domains", "Newton steps of stiff sheets", "from 3000 points",
+         ("wsim.physics.schwarz.solver:PAYS", {"cpu": (INF, INF), "cuda": (INF, INF)}),
+         ("kernels/solver/schwarz/cg.py", "kernels/solver/schwarz/dense.py"), "tests/gpu/solver/test_schwarz.py", 2.2,
+         "H100: a solve of a garment to 1e-2 2.5 to 1.15 ms"),
+    cuda("colours by a block", "XPBD", "colours of up to 512 constraints", ("wsim.physics.solver.batch:FUSE", 0), (),
+         "tests/physics/solver/test_xpbd_adjoint.py::test_a_launch_for_each_colour_gives_the_same_as_one_for_all",
+         1.9, "H200: a sweep of 1k points 18.6 to 9.9 us"),
+    cuda("colours by a cluster", "XPBD", "colours of up to 4096 constraints, sm_90", ("wsim.physics.solver.batch:SHARED", 0),
+         (), "tests/gpu/solver/test_tets.py"),
+    cuda("ropes by a block", "ropes that touch", "fewer than 512 strands a world", ("wsim.physics.rods.together:TEAM", False),
+         ("kernels/rods/together/reduction.py", "kernels/rods/together/rounds.py", "kernels/rods/together/reduced.py"),
+         "tests/gpu/test_rods.py", 20.0, "H200: rope_knot 553 to 28 ms, with lists of pairs"),
+    cuda("iterations of all strands", "strands that touch no others", "all", ("wsim.physics.rods.method:APART", False),
+         ("kernels/rods/apart/desk.py",), "tests/gpu/test_rods.py", 3.0, "H200: 10000 hairs 47 to 15.6 ms"),
+    cuda("bodies and points by a block", "rigid bodies that points touch", "up to 32 bodies a world",
+         ("wsim.physics.rigid.touch.worlds:FEW", 0), ("kernels/rigid/touch/rounds.py",), TOUCH),
+    cuda("sweeps of surfaces in a launch", "self-collision by XPBD", "all",
+         ("wsim.physics.selfcontact.rows.sweeps:TOGETHER", False), (), "tests/gpu/solver/test_surfaces.py"),
+    cuda("small levels by a block", "pressure by multigrid", "levels of up to 4096 cells",
+         ("wsim.physics.fluid.grid.multigrid:SMALL", 0), (), "tests/gpu/fluid/test_fluid.py", 1.6,
+         "H200: 21 to 13 us a level"),
+    cuda("direct pressure", "pressure of smoke in a box without obstacles", "up to 800 cells along all axes together",
+         ("wsim.physics.fluid.grid.domain:MOST", 0), ("kernels/fluid/solver/diagonal.py",), "tests/gpu/fluid/test_smoke.py",
+         2.7, "H200: a step of 256 cells a side 46 to 17 ms"),
+    cuda("rigid bodies by a block", "rigid contacts", "up to HUGE shapes", ("wsim.physics.rigid.forms:HUGE", -1), (),
+         "tests/gpu/test_rigid.py"),
+)
+NATIVE = {              # other files with native code: what Warp cannot say
+    "kernels/animation/deformed.py": "calls Warp's own refit of a tree",
+    "kernels/cloth/spring.py": "shuffles within a warp",
+    "kernels/fluid/sampling.py": "rows of a grid by their address; between, patch and limited are the only path",
+    "kernels/fluid/steps.py": "a rounding that no compiler may contract",
+    "kernels/math/block.py": "a meeting of a block's threads, reads past the caches",
+    "kernels/math/compensated.py": "a rounding that no compiler may contract",
+    "kernels/math/face.py": "reads the parts of Warp's meshes and trees",
+    "kernels/math/ledger.py": "shuffles within a warp",
+    "kernels/math/mesh_refit.py": "a refit that a loop on a GPU can hold",
+    "kernels/math/team.py": "sums over teams of threads",
+    "kernels/particles/sort.py": "an order that does not depend on threads",
+    "kernels/rods/together/warps.py": "the greatest of a warp",
+    "kernels/selfcontact/tree.py": "reads and writes of boxes past the caches",
+}
