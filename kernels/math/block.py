@@ -58,6 +58,26 @@ def meet_cluster():
 
 
 @wp.func_native("""
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    asm volatile("barrier.cluster.arrive.release;" ::: "memory");
+#endif
+""")
+def arrive_cluster():
+    """The first half of `meet_cluster`: what was written before is seen by all behind the other half."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    asm volatile("barrier.cluster.wait.acquire;" ::: "memory");
+#endif
+""")
+def wait_cluster():
+    """The second half: waits until all threads have come."""
+    ...
+
+
+@wp.func_native("""
 #if defined(__CUDA_ARCH__)
     __syncthreads();
     if (threadIdx.x == 0) {

@@ -11,9 +11,9 @@ twice in a colour, so a colour needs no atomics and does not depend on the order
 its variant needs; the arrays that it does not need may be None.
 
 Two kernels share one formula: `projection` gives a thread to each constraint of a colour, a launch a colour; `sweep` is one
-launch for all colours, by one block of threads, or a cluster of blocks, that meet after each (on the CPU one thread takes
-everything in turn). Where colours are small a sweep costs a fraction of the launches it replaces. Worlds have a block or a
-cluster each, which goes through the colours of its own: their points stay in the caches for all of a sweep.
+launch for all colours, by one block of threads that meet after each (on the CPU one thread takes everything in turn).
+Where colours are small a sweep costs a fraction of the launches it replaces. Worlds have a block each, which goes through the
+colours of its own: their points stay in the caches for all of a sweep. Larger colours are a cluster's (sweeps/shared.py).
 """
 
 from functools import cache
@@ -55,32 +55,29 @@ def projection(constraint: Constraint, *, real=wp.float32, module="unique", mult
 
 
 @cache
-def sweep(constraint: Constraint, *, real=wp.float32, module="unique", cluster: int = 0, **kind):
+def sweep(constraint: Constraint, *, real=wp.float32, module="unique", **kind):
     """(Batch, kernel) as `projection`, kind: multipliers, damped, uniform, exact; for all colours in one launch: of a block of
-    threads a world on a GPU, or a cluster of so many; of a thread on the CPU.
+    threads a world on a GPU, of a thread on the CPU.
 
     The kernel's arguments: batch, at, colours, rate, omega, lam, d_out, lam_out; colours (colours,): where each begins, and its
     constraints of a world, which stand behind those of the world before.
     """
     o = variant(constraint, real, **kind)
     vec3, value, PointState, one = o.t.vec3, o.value, states(real), one_of(o, False)
-    blocks, meet = max(cluster, 1), block.meet_cluster if cluster else block.meet
 
     def sweep(batch: o.Batch, at: PointState, colours: wp.array(dtype=wp.vec2i), rate: real, omega: real,
               lam: wp.array(dtype=value), d_out: wp.array(dtype=vec3), lam_out: wp.array(dtype=value)):
-        threads = blocks * wp.block_dim()
-        world = wp.tid() // threads
-        i = wp.tid() - world * threads
+        world = wp.tid() // wp.block_dim()
+        i = wp.tid() - world * wp.block_dim()
         for k in range(colours.shape[0]):
             colour = colours[k]
             first = colour[0] + world * colour[1]
-            for c in range(first + i, first + colour[1], threads):
+            for c in range(first + i, first + colour[1], wp.block_dim()):
                 one(c, batch, at, rate, omega, lam, d_out, lam_out)
-            meet()
+            block.meet()
 
     return o.Batch, wp.kernel(sweep, name=f"sweep_{o.name}", module=module, enable_backward=False, grid_stride=False,
-                               launch_bounds=block.SHARE if cluster else block.BLOCK,
-                               **({"cluster_dim": cluster} if cluster else {}))
+                               launch_bounds=block.BLOCK)
 
 
 def one_of(o, backward: bool):

@@ -170,8 +170,8 @@ class Xpbd(Method):
                              [s.d, batch.lam], batch.worlds)
             return
         if batch.cluster:
-            self.model.launch_blocks(batch.kernel, batch.worlds * batch.cluster, SHARE,
-                                     [batch.data, at, batch.colours, 1.0 / clock.g, omega, batch.lam], [s.d, batch.lam])
+            inputs = [batch.data, at, batch.colours, self.model.points // batch.worlds, 1.0 / clock.g, omega, batch.lam]
+            self.model.launch_blocks(batch.kernel, batch.worlds * batch.cluster, SHARE, inputs, [batch.lam])
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
