@@ -158,7 +158,7 @@ BESIDE: dict[type, Callable] = {Box: beside_box, Cylinder: beside_rims, Cone: be
 
 
 class Across:
-    """What drives the points of a net or sheet back that move across it: lengths and ends of its edges are looked up once."""
+    """Stiffness of a net or sheet against points that move across it: lengths and ends of its edges are looked up once."""
 
     def __init__(self, body):
         rest, source = edge_lengths(body), body.source
