@@ -25,7 +25,7 @@ FAST, SLOW = Wheel("/World/fast", 0.5, 300.0, 2.0), Wheel("/World/slow", 0.0, -3
 def row(monkeypatch):
     monkeypatch.setattr(methods, "METHODS", [*methods.METHODS, ROW])
     monkeypatch.setattr(table, "VALUES", [*table.VALUES, *VALUES])
-    for module in ("wsim.simulation.plan", "wsim.simulation.methods"):
+    for module in ("wsim.scene.scene", "wsim.simulation.plan", "wsim.simulation.methods"):
         monkeypatch.setattr(f"{module}.METHODS", methods.METHODS)
 
 
