@@ -1,6 +1,7 @@
 """Source that is rewritten before it is compiled: what is read alone goes by reference, and adjoints are left out."""
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,19 @@ def test_a_kernel_of_a_gpu_reads_in_place_the_structs_that_it_does_not_change(li
     assert ("const __grid_constant__ Pair_1 given_var_other" in text) == stays
     assert ("Pair_1 & var_other = const_cast<Pair_1 &>(given_var_other);" in text) == stays
     assert (text.count("__grid_constant__") == 2) == stays
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="Warp has no NVRTC there")
+def test_a_gpu_compiles_what_is_rewritten(monkeypatch, tmp_path):
+    """NVRTC takes it without a device, and not for want of that as it was."""
+    monkeypatch.setattr(variants, "TOLD", [])
+    seen = []
+    real = source.functions
+    monkeypatch.setattr(source, "functions", lambda text: seen.append(real(text)) or seen[-1])
+    for name in ("compiled_source", "compiled_rooms"):
+        with variants.single(cpu=False):
+            wp.compile_aot_module(wp.get_module(name), arch=90, module_dir=tmp_path)
+    assert not variants.TOLD and "const __grid_constant__ Both" in seen[0] and "wsim_room<300" in seen[1]
 
 
 def test_arrays_of_a_thread_are_zeroed_once_and_scratch_never():
