@@ -16,45 +16,20 @@ from functools import cache
 import warp as wp
 
 from wsim.kernels.math.block import alone, meet
+from wsim.kernels.math.team import any_of
 from wsim.kernels.rods.system import turn_edge
 from wsim.kernels.rods.tables import Borne, Pressed, Strands, Trial
-from wsim.kernels.rods.together.borne import pulled, pushed, solved
+from wsim.kernels.rods.together.all_points import point_of, rounding
 from wsim.kernels.rods.together.conjugate import GAIN, ROUNDS
-from wsim.kernels.rods.together.coupled import ACTIVE, GOING, Coupled, judge
+from wsim.kernels.rods.together.coupled import ACTIVE, GOING, MOST, Coupled, judge, searched
 from wsim.kernels.rods.together.nodes import Team, assemble
 from wsim.kernels.rods.together.reduced import go_reduced
 from wsim.kernels.rods.together.reduction import factor, solve
 from wsim.kernels.rods.together.rounds import SMALL, go_rounds
-from wsim.kernels.rods.together.warps import greatest, warp_sum
+from wsim.kernels.rods.together.warps import greatest
 from wsim.kernels.solver.pcg import total
 
 BLOCK = 256              # threads of a world on a GPU
-
-
-@wp.func
-def point_of(v: wp.vec4d):
-    return wp.vec3d(v[0], v[1], v[2])
-
-
-@wp.func
-def across(S: Strands, G: Coupled, P: Pressed, A: Team, i: int, k: int):
-    """E p of a point: what pairs add between their two edges."""
-    q = wp.vec3d()
-    m = S.points.shape[0]
-    point = i * m + k
-    if P.ons and S.hold[i, k] < 0:
-        for j in range(P.ons[point]):
-            entry = P.on[point, j]
-            pair = entry / 4
-            c = entry - 4 * pair
-            other = wp.where(c < 2, 2, 0)
-            ids = A.ids[pair]
-            b = A.b[pair]
-            x = ids[other]
-            y = ids[other + 1]
-            move = point_of(G.p[x / m, x % m]) * b[other] + point_of(G.p[y / m, y % m]) * b[other + 1]
-            q += P.K[pair] * move * b[c]
-    return wp.vec4d(q[0], q[1], q[2], wp.float64(0.0))
 
 
 @cache
@@ -62,12 +37,11 @@ def correcting(threads: int, bearing: bool, module: str):
     """Kernels over threads of worlds: the correction; with `bearing`, rigid bodies, apart from it, what follows. threads: of a
     block; 1 on a CPU."""
     together = alone if threads == 1 else meet
-    width = min(threads, 32)
+    width, (go_round, aim) = min(threads, 32), rounding(threads, bearing)
 
     @wp.func
-    def start(S: Strands, T: Trial, G: Coupled, P: Pressed, A: Team, B: Borne, lane: int, w: int):
-        """Systems of world w, factored, and the first correction; the force along the last step, how many pairs press and
-        points touch bodies, r . z."""
+    def sum_up(S: Strands, G: Coupled, P: Pressed, A: Team, B: Borne, lane: int, w: int):
+        """Systems of world w; the force along the last step, how many pairs press and points touch bodies."""
         first = G.first[w]
         count = G.first[w + 1] - first
         all = count * S.length.shape[0]
@@ -87,11 +61,18 @@ def correcting(threads: int, bearing: bool, module: str):
                         if S.hold[i, k] < 0:
                             f = B.push[point]
                             G.r[i, k] = G.r[i, k] + wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
+        return total(ahead), total(wp.float64(active))
+
+    @wp.func
+    def start(S: Strands, T: Trial, G: Coupled, A: Team, lane: int, w: int):
+        """Systems of world w, factored, and the first correction; r . z."""
+        first = G.first[w]
+        count = G.first[w + 1] - first
         together()
         factor(S.points, A.nodes, first, count, A.most[w])
         solve(S.points, A.nodes, A.work, G.r, T.z, first, count, A.most[w])
         rho = wp.float64(0.0)
-        for t in range(lane, all, wp.static(threads)):
+        for t in range(lane, count * S.length.shape[0], wp.static(threads)):
             i = t / count
             k = first + t - i * count
             if i < S.points[k]:
@@ -100,78 +81,23 @@ def correcting(threads: int, bearing: bool, module: str):
                 G.p[i, k] = z
                 G.w[i, k] = G.r[i, k]
                 rho += wp.dot(G.r[i, k], z)
-        return total(ahead), total(wp.float64(active)), total(rho)
+        return total(rho)
 
     @wp.func
-    def give_way(S: Strands, G: Coupled, B: Borne, lane: int, w: int):
-        """What bodies of world w give way as points are moved by G.p, a warp a body."""
-        for i in range(B.first[w] + lane / wp.static(width), B.first[w + 1], wp.static(threads // width)):
-            u = wp.vec3d()
-            a = wp.vec3d()
-            for j in range(B.start[i] + lane % wp.static(width), B.start[i + 1], wp.static(width)):
-                f, turn = pulled(S, B, G.p, j)
-                u += f
-                a += turn
-            u, a = solved(B, i, warp_sum(u), warp_sum(a))
-            if lane % wp.static(width) == 0:
-                B.y[i, 0] = u
-                B.y[i, 1] = a
-
-    @wp.func
-    def go_round(S: Strands, T: Trial, G: Coupled, P: Pressed, A: Team, B: Borne, rho: wp.float64, at: wp.vec2i):
-        """A round of conjugate gradients of the world at[1], by its thread at[0]; r . z, and the length of its step."""
-        lane = at[0]
-        w = at[1]
-        if wp.static(bearing):
-            if B.near[w] == 1:
-                give_way(S, G, B, lane, w)
-                together()
-        first = G.first[w]
-        count = G.first[w + 1] - first
-        all = count * S.length.shape[0]
-        sum = wp.float64(0.0)
-        for t in range(lane, all, wp.static(threads)):
-            i = t / count
-            k = first + t - i * count
-            if i < S.points[k]:
-                q = G.w[i, k] + across(S, G, P, A, i, k)
-                if wp.static(bearing):
-                    if B.near[w] == 1 and S.hold[i, k] < 0:
-                        f = pushed(B, S.points.shape[0], i * S.points.shape[0] + k)
-                        q = q - wp.vec4d(f[0], f[1], f[2], wp.float64(0.0))
-                G.q[i, k] = q
-                sum += wp.dot(q, G.p[i, k])
-        sum = total(sum)
-        alpha = wp.float64(0.0)
-        if sum > wp.float64(0.0):
-            alpha = rho / sum
-        for t in range(lane, all, wp.static(threads)):
-            i = t / count
-            k = first + t - i * count
-            if i < S.points[k]:
-                G.x[i, k] = G.x[i, k] + G.p[i, k] * alpha
-                G.r[i, k] = G.r[i, k] - G.q[i, k] * alpha
-        together()
-        solve(S.points, A.nodes, A.work, G.r, T.z, first, count, A.most[w])
-        sum = wp.float64(0.0)
-        for t in range(lane, all, wp.static(threads)):
-            i = t / count
-            k = first + t - i * count
-            if i < S.points[k]:
-                sum += wp.dot(G.r[i, k], T.z[i, k])
-        return total(sum), alpha
-
-    @wp.func
-    def aim(S: Strands, T: Trial, G: Coupled, beta: wp.float64, lane: int, w: int):
-        """The next direction."""
-        first = G.first[w]
-        count = G.first[w + 1] - first
-        for t in range(lane, count * S.length.shape[0], wp.static(threads)):
-            i = t / count
-            k = first + t - i * count
-            if i < S.points[k]:
-                G.w[i, k] = G.r[i, k] + G.w[i, k] * beta
-                G.p[i, k] = T.z[i, k] + G.p[i, k] * beta
+    def returns(G: Coupled, ahead: wp.float64, words: wp.array(dtype=int), lane: int, w: int):
+        """Whether the last step of world w is taken in another part, by the force along it: a correction would be lost."""
+        back = int(0)
+        if lane == 0 and G.count[w] > 0:
+            G.count[w] = G.count[w] + 1
+            if searched(G, ahead, w):
+                back = 1
+                if G.count[w] >= MOST:
+                    G.on[w] = -1
+                else:
+                    wp.atomic_max(words, GOING, 1)
+            else:
+                G.count[w] = G.count[w] - 1
+        return any_of(back) == 1
 
     @wp.func
     def measure(S: Strands, T: Trial, G: Coupled, active: bool, lane: int, w: int):
@@ -244,7 +170,12 @@ def correcting(threads: int, bearing: bool, module: str):
             if lane == 0:
                 G.on[w] = 0
             return
-        ahead, active, rho = start(S, T, G, P, A, B, lane, w)
+        ahead, active = sum_up(S, G, P, A, B, lane, w)
+        if not wp.static(bearing):
+            if returns(G, ahead, words, lane, w):
+                take(S, T, G, A, lane, w)
+                return
+        rho = start(S, T, G, A, lane, w)
         rounds = int(0)
         pressed = active > wp.float64(0.0) and words[ACTIVE] == 1          # else the list's N are of an earlier one
         least = GAIN * rho
