@@ -110,7 +110,7 @@ ROWS = (
     cuda("colours by a block", "XPBD", "colours of up to 512 constraints", ("wsim.physics.solver.batch:FUSE", 0), (),
          "tests/physics/solver/test_xpbd_adjoint.py::test_a_launch_for_each_colour_gives_the_same_as_one_for_all",
          1.9, "H200: a sweep of 1k points 18.6 to 9.9 us"),
-    cuda("colours by a cluster", "XPBD", "colours of up to 4096 constraints, 16k points a world, sm_90",
+    cuda("colours by a cluster", "XPBD", "off; colours of up to 4096 constraints, 16k points a world, sm_90",
          ("wsim.physics.solver.batch:SHARED", False), ("kernels/solver/sweeps/shared.py",),
          "tests/gpu/test_gpu.py::test_a_cluster_sweeps_colours_as_launches_do"),
     cuda("ropes by a block", "ropes that touch", "fewer than 512 strands a world", ("wsim.physics.rods.together:TEAM", False),

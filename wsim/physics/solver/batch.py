@@ -22,7 +22,8 @@ from wsim.physics.cloth.table import Table
 FUSE = 512            # constraints of a world's largest colour up to which one block takes all its colours in a launch. H200:
                       # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3. H100, 4096
                       # worlds of 1k points, a frame of one: 2.9 us by blocks of 512 threads, 3.1 of 256, 4.6 of 128
-SHARED = True          # larger colours by a cluster of blocks, where points and constraints fit; else a launch each
+SHARED = False         # larger colours by a cluster of blocks, where points and constraints fit; else a launch each. It is off
+                       # until tests/gpu/test_gpu.py has run it on a GPU: on a CPU its formulas give the bits of launches
 
 PACKED = True          # membranes and hinges by eights on a CPU: tests compare
 
