@@ -14,12 +14,12 @@ import numpy as np
 import warp as wp
 
 from wsim.geometry import rotation
-from wsim.geometry.triangulate import triangulate
 from wsim.kernels.collider.table import follow, measure_rates
 from wsim.kernels.contact import shape as convex
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
 from wsim.physics.collider.rows import fill
+from wsim.physics.contact.mesh import facing
 from wsim.scene import Surface, solids
 from wsim.scene.solids import row
 
@@ -28,14 +28,7 @@ def kind(shape: Any) -> str:
     """Name of a kind of shape: a convex one's, "solid" of a closed mesh, "sheet" of an open one."""
     if not isinstance(shape, Surface):
         return row(shape).kind
-    triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
-    return "solid" if closed(triangles) else "sheet"
-
-
-def closed(triangles: np.ndarray) -> bool:
-    """True if every edge is of two triangles."""
-    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], -1).reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all()) and len(triangles) > 0
+    return "solid" if facing(shape)[1] else "sheet"
 
 
 def forms(thing: Any) -> bool:
@@ -94,7 +87,7 @@ class ColliderTable:
 
     def _mesh(self, thing: Any) -> wp.Mesh:
         shape, device = thing.shape, self.model.device
-        triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+        triangles, _ = facing(shape)
         rates = wp.zeros(len(shape.points), dtype=wp.vec3f, device=device) if forms(thing) else None
         return wp.Mesh(wp.array(shape.points, dtype=wp.vec3f, device=device),
                        wp.array(triangles.ravel(), dtype=int, device=device), rates)

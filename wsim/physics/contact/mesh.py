@@ -25,6 +25,16 @@ def volume(points: np.ndarray, triangles: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
+def facing(surface: Surface) -> tuple[np.ndarray, bool]:
+    """Triangles (t, 3) int32 that have an area, wound alike, and whether they enclose a volume; then they face outward."""
+    points = np.asarray(surface.points, np.float64)
+    triangles = wound_alike(points, triangulate(surface.points, surface.counts, surface.indices, True)[0])
+    enclosed = volume(points, triangles) if closed(points, triangles) else 0.0
+    if enclosed < 0.0:
+        triangles = triangles[:, ::-1]
+    return np.ascontiguousarray(triangles[~flat(points, triangles)], np.int32), enclosed != 0.0
+
+
 def _seen(poses) -> np.ndarray:
     """Shapes (k, n, 3) [m] that the bounding ball is of; of one that joints move, where it begins: the device sees the rest."""
     return poses.at(0.0)[None] if hasattr(poses, "skeleton") else poses.values
@@ -56,12 +66,7 @@ class Mesh:
                                      f"{points.shape} at rest; they must be equal in shape and finite"))
         if len(surface.indices) and not (surface.indices.min() >= 0 and surface.indices.max() < len(points)):
             raise SceneError(Problem(collider.path, f"a face names a point outside of 0 to {len(points) - 1}"))
-        triangles = wound_alike(points, triangulate(surface.points, surface.counts, surface.indices, True)[0])
-        whole = closed(points, triangles)
-        enclosed = volume(points, triangles) if whole else 0.0
-        if enclosed < 0.0:
-            triangles = triangles[:, ::-1]
-        triangles = np.ascontiguousarray(triangles[~flat(points, triangles)], np.int32)
+        triangles, solid = facing(surface)
         if len(triangles) == 0:
             raise SceneError(Problem(collider.path, "the mesh has no triangle with an area; give it faces, or remove "
                                      "the collider"))
@@ -69,7 +74,7 @@ class Mesh:
         center = 0.5 * (low + high)
         radius = float(np.linalg.norm(poses - center, axis=-1).max())
         inside = (high - low).min() if surface.poses is None or not hasattr(surface.poses, "skeleton") else 4.0 * radius
-        return Mesh(surface, triangles, enclosed != 0.0, center, radius, 0.5 * float(inside) if enclosed != 0.0 else 0.0,
+        return Mesh(surface, triangles, solid, center, radius, 0.5 * float(inside) if solid else 0.0,
                     turned=turned and hasattr(surface.poses, "skeleton"))
 
     @property

@@ -54,6 +54,14 @@ def mesh(size, wall: float) -> list:
     return [(Surface(np.array(points), [4] * len(faces), np.array(faces).ravel()), (0.0, 0.0, 0.0))]
 
 
+def inside_out(size, wall: float) -> list:
+    """The mesh with its faces the other way round, and corners of their own for each: as some files have them."""
+    (shape, place), = mesh(size, wall)
+    corners = np.split(shape.indices, np.cumsum(shape.counts)[:-1])
+    points = shape.points[np.concatenate([face[::-1] for face in corners])]
+    return [(Surface(points, shape.counts, np.arange(len(points))), place)]
+
+
 class Cup:
     """A cup in a tank of 1 m, flat or not. cells: its walls; off: of the grid's planes, in cells; path: (seconds) -> pose."""
 
@@ -120,6 +128,12 @@ def test_liquid_stands_in_a_cup_off_the_grid(cells):
 def test_a_cup_that_tilts_spills_nothing(cells):
     cup = Cup(boxes, cells, 0.3, tilted(1.0), frames=2 * FPS)
     assert cup.outside() == 0 and cup.center() == pytest.approx(cup.stands(30.0), abs=0.1 / 32.0)
+
+
+@pytest.mark.parametrize("cells", [0.25, 3.0])
+def test_a_mesh_holds_its_liquid_whichever_way_its_faces_are_wound(cells):
+    cup = Cup(inside_out, cells, 0.3, still(0.0), frames=12)
+    assert cup.outside() == 0 and cup.center() == pytest.approx(cup.stands(0.0), abs=0.1 / 32.0)
 
 
 def test_a_closed_box_that_is_shaken_and_turned_leaks_nothing():

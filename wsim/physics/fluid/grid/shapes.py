@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from wsim.geometry.triangulate import triangulate
 from wsim.kernels.fluid import shapes as kernels
 from wsim.model.model import Model
 from wsim.model.structs import filled
-from wsim.physics.collider.table import ColliderTable, closed
+from wsim.physics.collider.table import ColliderTable
+from wsim.physics.contact.mesh import facing
 from wsim.scene import Box, Surface
 from wsim.scene.solids import row
 
@@ -30,8 +30,8 @@ def half_thickness(shape: Any) -> float:
             return np.inf
         axis = np.outer(np.linspace(-1.0, 1.0, PLACES + 1) * found.ball(shape), (0.0, 0.0, 1.0))
         return float(-found.distance(shape, axis).min())
-    triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
-    if not closed(triangles):
+    triangles, solid = facing(shape)
+    if not solid:
         return 0.0
     return 0.5 * float(np.quantile(thickness(shape.points.astype(np.float64)[triangles]), THINNEST))
 
