@@ -309,4 +309,4 @@ def test_values_of_sources_and_sides_are_set_while_a_scene_runs():
     sim.set("/fire", "place", (0.3, 0.2, 0.025))
     sim.step()
     assert (sources.table.strength.numpy() == 0.5).all()
-    assert sources.shapes.rows.place.numpy()[0] == pytest.approx((0.3, 0.2, 0.025), rel=1e-15)
+    assert sources.shapes.rows.pose.numpy()[0, 0, :3] == pytest.approx((0.3, 0.2, 0.025), rel=1e-15)
