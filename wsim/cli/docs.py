@@ -6,7 +6,7 @@ from pathlib import Path
 from wsim.scene import Problem, SceneError
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs"
-FIRST = ("start", "concepts")              # the order of a reader; the others by name, these two last
+FIRST = ("start", "concepts")              # the order of a reader; the others by name, LAST at the end
 LAST = ("troubleshooting", "limits")
 
 

@@ -26,6 +26,18 @@ __all__ = ["CLOTH_MODELS", "Box", "Capsule", "Cloth", "Collider", "Cone", "Cylin
 COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickness", "approximation")      # of a body's shape
 
 
+def _motion(path: str, at, more: dict) -> Motion:
+    """The motion among arguments, or the place `at`. Raises SceneError for both, and for what is no Motion."""
+    motion = more.get("motion")
+    if motion is None:
+        return Motion.at_place(at)
+    if not isinstance(motion, Motion):
+        raise SceneError(Problem(path, f"motion is {motion!r}; allowed is a Motion, such as Motion.through(times, places)"))
+    if np.any(at):
+        raise SceneError(Problem(path, f"at is {tuple(at)}, beside a motion, which says where it is; leave one of them out"))
+    return motion
+
+
 @dataclass(eq=False, repr=False)
 class Scene(Compared):
     """A scene: everything there is, as in `Scene(up="Z", fps=30.0, frames=60)`. Frame f is at time f / fps [s] after `start`;
@@ -134,7 +146,8 @@ class Scene(Compared):
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
         """Adds a collider at a place `at` (3,) [m], or with motion=...; a `Plane()` placed `at` one is a floor facing `up`."""
         if "motion" not in more:
-            shape, more["motion"] = solids.upright(shape, self.up), Motion.at_place(at)
+            shape = solids.upright(shape, self.up)
+        more["motion"] = _motion(path, at, more)
         self.colliders.append(Collider(path, shape, **more))
         return self.colliders[-1]
 
@@ -144,7 +157,7 @@ class Scene(Compared):
         surface = {name: more.pop(name) for name in COLLIDER_FIELDS if name in more} if shape is not None else {}
         if shape is not None:
             more["colliders"] = [Collider(f"{path}/shape", shape, **surface)]
-        more.setdefault("motion", Motion.at_place(at))
+        more["motion"] = _motion(path, at, more)
         return self.add(role("Body", "objects").Body(path, **more))
 
     def joint(self, kind: str, path: str, body0=None, body1=None, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0), **more) -> Any:
@@ -193,7 +206,7 @@ class Scene(Compared):
         return self._source("LiquidSource", "liquid", path, liquid, shape, at, more)
 
     def _source(self, name: str, of: str, path: str, domain, shape: Shape, at, more: dict) -> Any:
-        more.setdefault("motion", Motion.at_place(at))
+        more["motion"] = _motion(path, at, more)
         more[of] = domain if isinstance(domain, str) else domain.path
         return self.add(getattr(role(name, "objects"), name)(path, solids.upright(shape, self.up), **more))
 

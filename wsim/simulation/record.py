@@ -44,7 +44,8 @@ def points(sim: "Simulation", path: str | None, world: int, device: bool = False
         there = sorted({b.path for b in sim.model.bodies} | {s.path for s in rest})
         count = len(found) + len(bodies) * (path is None)
         raise SceneError(Problem(path or "path", f"world {world} has {count} prims with points{' on the device' * device} of "
-                                 f"that path; there are {there} in worlds 0 to {sim.worlds - 1}"))
+                                 f"that path; there are {there} in worlds 0 to {sim.worlds - 1}; rigid bodies have "
+                                 "poses(PATH), smoke and liquids fields(PATH)"))
     return found[0]
 
 
