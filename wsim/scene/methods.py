@@ -178,6 +178,7 @@ def inventory(scene) -> str:
     things = ", ".join(count(len(found), noun) for noun, found in kinds.items() if found)
     sizes = {"point": sum(len(body.points) for body in scene.bodies()), "tet": sum(len(soft.tets) for soft in scene.softs)}
     size = ", ".join(count(n, noun) for noun, n in sizes.items() if n)
-    return (f"{things or 'nothing'}; {f'{size}; ' if size else ''}{count(scene.frames, 'frame')} of 1/{scene.fps:g} s, "
-            f"{count(scene.substeps, 'substep')}, {count(scene.iterations, 'iteration')}, "
-            f"solver {scene.solver}, integrator {scene.integrator}")
+    steps = ("solver auto, which chooses substeps and integrator" if scene.solver == "auto" else
+             f"{count(scene.substeps, 'substep')}, {count(scene.iterations, 'iteration')}, solver {scene.solver}, "
+             f"integrator {scene.integrator}")
+    return f"{things or 'nothing'}; {f'{size}; ' if size else ''}{count(scene.frames, 'frame')} of 1/{scene.fps:g} s, {steps}"
