@@ -85,3 +85,12 @@ def swept(name: str, together: bool, device: str, monkeypatch) -> np.ndarray:
 def test_sweeps_in_one_launch_have_the_bits_of_many(monkeypatch):
     """Pairs that all push at once, and contacts among them."""
     assert np.array_equal(swept("leapfrog", True, "cpu", monkeypatch), swept("leapfrog", False, "cpu", monkeypatch))
+
+
+def test_blocks_of_sweeps_run_at_once():
+    """A grid whose blocks wait for each other has no more than there are multiprocessors, in whole clusters."""
+    for multiprocessors in (14, 36, 66, 132, 144):
+        for cluster in (0, 8, 16):
+            blocks = sweeps.at_once(multiprocessors, cluster)
+            assert 0 < blocks <= max(multiprocessors, cluster) and blocks % max(cluster, 1) == 0
+    assert sweeps.at_once(132, 16) == 64

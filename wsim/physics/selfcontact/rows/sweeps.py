@@ -19,9 +19,16 @@ if TYPE_CHECKING:
     from wsim.physics.selfcontact.method import SelfContact
 
 TOGETHER = True                  # one launch; tests compare
-BLOCKS, CLUSTER = 64, (16, 8)    # blocks, which surely run at once; those of a cluster where as many were run, and elsewhere
+BLOCKS, CLUSTER = 64, (16, 8)    # blocks at most; those of a cluster where as many were run, and elsewhere
 
 HELD = 1 << 14                   # pairs that a CPU keeps as sweeps read them
+
+
+def at_once(multiprocessors: int, cluster: int) -> int:
+    """Blocks that surely run at once, one a multiprocessor: whole clusters, of which half of the device is sure to hold all."""
+    if not cluster:
+        return min(BLOCKS, multiprocessors)
+    return max(1, min(BLOCKS, multiprocessors // 2) // cluster) * cluster
 
 
 class Sweeps:
@@ -36,8 +43,8 @@ class Sweeps:
         self.on = TOGETHER and not self.model.gradients                        # wanted
         self.block, self.blocks, self.cluster = 1, 1, 0
         if device.is_cuda:
-            self.block, self.blocks = kernels.BLOCK, BLOCKS
-            self.cluster = CLUSTER[not large(device)] if device.arch >= CLUSTERS else 0
+            self.block, self.cluster = kernels.BLOCK, CLUSTER[not large(device)] if device.arch >= CLUSTERS else 0
+            self.blocks = at_once(device.sm_count, self.cluster)
         self.words = wp.zeros(kernels.WORDS, dtype=int, device=device)
         self.moved = wp.zeros(method.surfaces.total, dtype=int, device=device)
         self.held = wp.zeros(0 if device.is_cuda else HELD, dtype=holding(real)[0], device=device)
