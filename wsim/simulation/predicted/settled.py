@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wsim.model.kernel_cache import GATE
 from wsim.scene import SceneError
 from wsim.simulation.measure.indicators import edge_strain
 
@@ -73,7 +74,8 @@ class Settled:
     def strained(sim, least: float) -> bool:
         """False where the device finds in one launch that no edge strains by so much: the host takes 3 ms for 19 000 edges."""
         watch, muscles = sim.plan.find("watch"), any(net.actuation for net in sim.scene.springs)
-        return watch is None or muscles or watch.exceeds(1.0 + least - ROUNDED)
+        with GATE.shared():                                    # else the launch goes into what another thread captures
+            return watch is None or muscles or watch.exceeds(1.0 + least - ROUNDED)
 
     @property
     def found(self) -> list[tuple[float, float, int]]:
