@@ -116,6 +116,7 @@ class SelfContact(Method):
     def meet(self, others: Methods) -> None:
         self.contact, self.bounce = others.find("contact"), others.find("bounce")
         self.sweeper.meet()
+        self.stages[1].launches = 1 if self.sweeper.fits() else self.stages[1].launches
         self.steady = self.within and not self.strands and not (self.contact and self.contact.movers)
         self.start = self.contact.movers.starts() if self.contact and self.contact.movers else None
         self.settle.meet(others)
