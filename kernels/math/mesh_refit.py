@@ -16,7 +16,7 @@ from wsim.kernels.contact.project import SUNK
 from wsim.kernels.math.block import meet
 
 MODULE, BLOCK_MODULE = "wsim_mesh_refit", "wsim_mesh_refit_block"
-SMALL, BLOCK = 6000, 512                 # triangles of a tree that one block fits; its threads
+SMALL, BLOCK = 5000, 512                 # triangles of a tree that one block fits (8 bytes of its memory each); its threads
 BOUND = """
     wp::Mesh* m = (wp::Mesh*)mesh;
     const wp::vec3* x = m->points.data;
