@@ -245,12 +245,12 @@ def test_the_kernel_alone_differentiates(free):
         setattr(s, name, wp.array(np.array(values, np.int32), dtype=int, device="cpu"))
     s.points, s.capacity, s.n, s.b, s.u = n, 2, a["n"], b, a["u"]
     c.restitution, c.h, c.g, c.source, c.bend = wp.array([[0.5], [0.9]], dtype=real, device="cpu"), 0.3, 0.3, 0, 2.0
-    k.object, k.gravity = wp.array(np.arange(n), dtype=int, device="cpu"), a["gravity"]
-    k.w = wp.ones(n, dtype=real, device="cpu")
+    k.gravity, k.w = a["gravity"], wp.ones(n, dtype=real, device="cpu")
+    k.object, now = (wp.array(np.arange(m), dtype=int, device="cpu") for m in (n, 0))
     k.decay = wp.array(rng.uniform(0, 0.1, n), dtype=real, device="cpu", requires_grad=True)
     outs = {"d": n, "a": n, "push": 2 * n, "normal": n}
     weight = {name: rng.normal(size=(m, 3)) for name, m in outs.items()}
-    at = filled(project.read(real), x=a["d"], **{name: a[name] for name in ("v", "e", "d", "a", "push")})      # x is not read
+    at = filled(project.read(real), x=a["d"], now=now, **{name: a[name] for name in ("v", "e", "d", "a", "push")})    # no x
     given = [c, s, at, a["pair"]] if free else [c, k, s, at]
     into = [wp.zeros(m, dtype=wp.vec3d, device="cpu", requires_grad=True) for m in outs.values()]
     if not free:
