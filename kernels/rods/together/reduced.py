@@ -27,6 +27,7 @@ from wsim.kernels.rods.together.coupled import Coupled
 from wsim.kernels.rods.together.nodes import Team
 from wsim.kernels.rods.together.pressing import list_pairs
 from wsim.kernels.rods.together.reduction import PLACES, solve
+from wsim.kernels.rods.together.warps import BLOCK_SUM
 
 PAIRS = 32               # of a world that press, at most
 COLUMNS = 6 * PAIRS
@@ -138,19 +139,7 @@ _REDUCED = """
     const int EACH = {COLUMNS};
     double shared_s[{COLUMNS}], shared_c[{COLUMNS}];
 #endif
-""" + """
-    auto sum = [&](double a) {
-#if defined(__CUDA_ARCH__)
-        for (int o = 16; o > 0; o >>= 1) a += __shfl_xor_sync(0xffffffffu, a, o);
-        if (lane % 32 == 0) part[turn][lane / 32] = a;
-        __syncthreads();
-        a = 0.0;
-        for (int k = 0; k < warps; ++k) a += part[turn][k];
-        turn = 1 - turn;                                         // two in turn: the next sum needs no meeting before it
-#endif
-        return a;
-    };
-    int steps = 1;
+""" + BLOCK_SUM + """    int steps = 1;
     while ((1 << (steps - 1)) < most) ++steps;
     const int* const chosen = A.chosen.data + world * (room / 6);
     const size_t levels = A.where.shape[1];

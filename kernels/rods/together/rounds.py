@@ -11,6 +11,7 @@ from wsim.kernels.rods.together.conjugate import GAIN, ROUNDS
 from wsim.kernels.rods.together.coupled import Coupled
 from wsim.kernels.rods.together.nodes import Team
 from wsim.kernels.rods.together.reduction import LEVELS, PLACES, PRODUCT
+from wsim.kernels.rods.together.warps import BLOCK_SUM
 
 SMALL = 128              # nodes of a world, at most: 4 rows for each of 256 threads, 24 KiB
 
@@ -33,18 +34,7 @@ _ROUNDS = """
     const int rounds_at_most = {int(ROUNDS)};
 """ + """
     const int wide = count, from = first;
-    auto sum = [&](double a) {
-#if defined(__CUDA_ARCH__)
-        for (int o = 16; o > 0; o >>= 1) a += __shfl_xor_sync(0xffffffffu, a, o);
-        if (lane % 32 == 0) part[turn][lane / 32] = a;
-        __syncthreads();
-        a = 0.0;
-        for (int k = 0; k < warps; ++k) a += part[turn][k];
-        turn = 1 - turn;                                         // two in turn: the next sum needs no meeting before it
-#endif
-        return a;
-    };
-    const double *const r0 = (const double*)G.r.data, *const z0 = (const double*)T.z.data;
+""" + BLOCK_SUM + """    const double *const r0 = (const double*)G.r.data, *const z0 = (const double*)T.z.data;
     double* const out = (double*)G.x.data;
     auto place = [=](int x) {                                    // of a point's flat row in p
         const int i = m == 1 ? x : x / m;
