@@ -145,8 +145,7 @@ class Scene(Compared):
 
     def collider(self, path: str, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Collider:
         """Adds a collider at a place `at` (3,) [m], or with motion=...; a `Plane()` placed `at` one is a floor facing `up`."""
-        if "motion" not in more:
-            shape = solids.upright(shape, self.up)
+        shape = shape if "motion" in more else solids.upright(shape, self.up)
         more["motion"] = _motion(path, at, more)
         self.colliders.append(Collider(path, shape, **more))
         return self.colliders[-1]
@@ -206,9 +205,10 @@ class Scene(Compared):
         return self._source("LiquidSource", "liquid", path, liquid, shape, at, more)
 
     def _source(self, name: str, of: str, path: str, domain, shape: Shape, at, more: dict) -> Any:
+        shape = shape if "motion" in more else solids.upright(shape, self.up)
         more["motion"] = _motion(path, at, more)
         more[of] = domain if isinstance(domain, str) else domain.path
-        return self.add(getattr(role(name, "objects"), name)(path, solids.upright(shape, self.up), **more))
+        return self.add(getattr(role(name, "objects"), name)(path, shape, **more))
 
     def pin(self, path: str, body, points, **more) -> Pin:
         """Holds points (indices) of a cloth or spring net; see `Pin` for the fields."""
