@@ -14,7 +14,6 @@ mu = E h / (2 (1 + nu)), lambda = nu E h / (1 - nu^2), as tools/bench/nets/membr
 import argparse
 import json
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import newton
@@ -45,30 +44,7 @@ def tick(clock: wp.array(dtype=float), step: float):
     clock[0] = clock[0] + step
 
 
-class Run:
-    """Frames of a solver, each a graph of what `launch` does."""
-
-    launch: Callable[[], None]
-    solver: newton.solvers.SolverVBD
-    states: list
-    device: wp.Device
-    graph: wp.Graph | None = None
-
-    def frame(self, number: int) -> None:
-        if number % REBUILT == 0:
-            self.solver.rebuild_bvh(self.states[0])
-        if number == 0 or not self.device.is_cuda:
-            self.launch()
-        else:
-            if self.graph is None:
-                with wp.ScopedCapture(device=self.device) as capture:
-                    self.launch()
-                self.graph = capture.graph
-            wp.capture_launch(self.graph)
-        wp.synchronize_device(self.device)
-
-
-class Twist(Run):
+class Twist:
     """One setting on the device."""
 
     def __init__(self, p: dict, substeps: int, iterations: int, device):
@@ -100,7 +76,7 @@ class Twist(Run):
         self.ends = [wp.array(a, dtype=t, device=device) for a, t in (
             (rows.astype(np.int32), int), (local.astype(np.float32), wp.vec3), (sign, float),
             (np.stack([p["angle"], p["height"]], axis=1).astype(np.float32), wp.vec2))]
-        self.clock = wp.zeros(1, dtype=float, device=device)
+        self.clock, self.graph = wp.zeros(1, dtype=float, device=device), None
 
     def launch(self) -> None:
         self.pipeline.collide(self.states[0], self.contacts)
@@ -113,6 +89,19 @@ class Twist(Run):
             wp.launch(tick, 1, [self.clock, step], device=self.device)
             self.solver.step(a, b, self.control, self.contacts, self.h)
             self.states.reverse()
+
+    def frame(self, number: int) -> None:
+        if number % REBUILT == 0:
+            self.solver.rebuild_bvh(self.states[0])
+        if number == 0 or not self.device.is_cuda:
+            self.launch()
+        else:
+            if self.graph is None:
+                with wp.ScopedCapture(device=self.device) as capture:
+                    self.launch()
+                self.graph = capture.graph
+            wp.capture_launch(self.graph)
+        wp.synchronize_device(self.device)
 
 
 def measure(p: dict, substeps: int, iterations: int, device) -> tuple[list[dict], list[np.ndarray]]:
