@@ -9,9 +9,14 @@ import pytest
 from tools.lint import ROOT
 from wsim import cli
 from wsim.cli.docs import pages
+from wsim.kernels.soft import material
+from wsim.physics.cloth import kind
+from wsim.scene import integrator, methods, solid, solids
 
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
+FILE = re.compile(r"# ([\w/]+\.py)\n")             # the first line of a snippet that is to be saved
 PAGES = pages()
+TABLES = (methods.METHODS, solids.SOLIDS, solid.MODELS, integrator.TABLE, kind.TABLE, material.TABLE)
 
 
 def text(name: str) -> str:
@@ -27,16 +32,30 @@ def sentences(page: str) -> list[list[str]]:
     return [words for part in parts if (words := re.findall(r"[\w'-]+", part))]
 
 
+@pytest.fixture
+def tables():
+    """Tables of rows, which are as before when the test ends."""
+    before = [table.copy() for table in TABLES]
+    yield
+    for table, rows in zip(TABLES, before, strict=True):
+        table.clear()
+        (table.update if isinstance(table, dict) else table.extend)(rows)
+
+
 @pytest.mark.parametrize("name", PAGES)
-def test_snippets_run_one_after_the_other(name, tmp_path, monkeypatch):
+def test_snippets_run_one_after_the_other(name, tmp_path, monkeypatch, tables):
     """From a folder that has nothing but `scenes`."""
     (tmp_path / "scenes").symlink_to(ROOT / "scenes", target_is_directory=True)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
     names: dict = {}
     for language, code in BLOCK.findall(text(name)):
-        if language == "python":
+        if (file := FILE.match(code)) and language == "python":
+            (tmp_path / file[1]).parent.mkdir(exist_ok=True)
+            (tmp_path / file[1]).write_text(code, encoding="utf-8")
+        elif language == "python":
             exec(compile(code, PAGES[name].name, "exec"), names)
-        else:
+        elif language != "text":
             for line in code.strip().splitlines():
                 assert line.startswith("wsim ") and cli.main(shlex.split(line)[1:]) == 0, line
 

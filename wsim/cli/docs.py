@@ -7,7 +7,7 @@ from wsim.scene import Problem, SceneError
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs"
 FIRST = ("start", "concepts")              # the order of a reader; the others by name, LAST at the end
-LAST = ("troubleshooting", "limits")
+LAST = ("frame", "extending", "troubleshooting", "limits")
 
 
 def pages() -> dict[str, Path]:

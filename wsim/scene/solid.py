@@ -19,7 +19,7 @@ from math import inf
 
 from wsim.scene.values.table import validate
 
-MODELS = ("corotational", "neo_hookean", "st_venant_kirchhoff", "linear")
+MODELS = ["corotational", "neo_hookean", "st_venant_kirchhoff", "linear"]
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ import warp as wp
 from wsim.geometry.topology import incident, slots
 from wsim.kernels.cloth.curvature import SLOTS
 from wsim.kernels.fused.domains import LISTS, sheets
+from wsim.kernels.fused.tet_elements import STRESS
 from wsim.kernels.math.real import types
 from wsim.kernels.soft import fem
 from wsim.model.structs import filled
@@ -193,7 +194,8 @@ def apart(pull) -> bool:
     return (model.fuses is False or not device.is_cuda or min(device.arch, device.get_cuda_compile_arch()) < LARGE
             or model.gradients or model.worlds > 1 or model.real is not wp.float32 or bool(pull.springs)
             or not {e.kind for e in pull.elements if isinstance(e, Elements)} <= KINDS
-            or not all(isinstance(table, Tetrahedra) and table.maths is fem and not table.plastic for table in pull.tables))
+            or not all(isinstance(table, Tetrahedra) and table.maths is fem and table.material in STRESS and not table.plastic
+                       for table in pull.tables))
 
 
 def fanned(pull) -> bool:
