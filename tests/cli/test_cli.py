@@ -211,7 +211,7 @@ def test_new_makes_a_scene_of_a_bare_mesh(tmp_path, capsys):
         attribute.Set(value)
     bare.Save()
     made = tmp_path / "made.usda"
-    words = ["new", "cloth", tmp_path / "bare.usda", "-o", made, "--fabric", "silk", "--ground", "0.5"]
+    words = ["new", "cloth", tmp_path / "bare.usda", "-o", made, "--fabric", "silk", "--ground", "-0.5"]
     assert wsim(*words) == 0
     assert f"wsim run {made}" in capsys.readouterr().out
     scene = load(str(made))

@@ -67,9 +67,9 @@ def test_what_bodies_and_smoke_write_passes(tmp_path, name, more):
     assert main(words) == 0 and validate(out) == []
 
 
-@pytest.mark.parametrize("words", [["cloth", "scenes/assets/unisex_shirt.usd", "--ground", "1"],
+@pytest.mark.parametrize("words", [["cloth", "scenes/assets/unisex_shirt.usd", "--ground", "0"],
                                    ["softbody", "scenes/assets/bear_tet.usdc"], ["fluid", "scenes/assets/bunny.usd"],
-                                   ["liquid", "scenes/assets/bunny.usd"]])
+                                   ["liquid", "scenes/assets/bunny.usd"], ["rigid"], ["hair"], ["smoke"]])
 def test_what_new_makes_passes(tmp_path, words):
     assert main(["new", *words, "-o", str(tmp_path / "scene.usda")]) == 0
     assert validate(tmp_path / "scene.usda") == []

@@ -34,6 +34,14 @@ def length(text: str) -> float:
     return value
 
 
+def height(text: str) -> float:
+    """A height [m], which may be below 0."""
+    value = float(text)
+    if not -FAR <= value <= FAR:
+        raise argparse.ArgumentTypeError(f"{text} is no height; it must be a number of metres, {-FAR:g} to {FAR:g}")
+    return value
+
+
 def positive(text: str) -> float:
     """A number > 0, of which squares and quotients are finite too."""
     value = float(text)
@@ -126,6 +134,6 @@ def contradiction(args: argparse.Namespace) -> str:
     return ""
 
 
-for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (positive, "number"),
+for _kind, _name in ((whole, "number"), (whole_or_none, "number"), (length, "length"), (height, "height"), (positive, "number"),
                      (fraction, "error")):
     _kind.__name__ = _name                      # argparse says "invalid number value"

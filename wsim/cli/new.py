@@ -1,7 +1,8 @@
-"""What `wsim new` makes of a bare mesh, by its options. Everything heavy is imported inside, when it is needed."""
+"""What `wsim new` makes, by its options: a scene of a mesh, or one of its own. Heavy modules are imported when needed."""
 
 import os
 
+from wsim.cli.new_options import STARTERS
 from wsim.scene import Problem, SceneError
 from wsim.simulation import interrupt
 
@@ -10,11 +11,21 @@ def make(args) -> list:
     """Writes the scene; returns its notes. Raises SceneError where a file stands in the way, or the mesh does not serve."""
     if os.path.lexists(args.output) and not args.force:
         raise SceneError(Problem(args.output, "is there already; give --force to replace it, or choose another name"))
+    if args.kind in STARTERS:
+        return write_starter(args)
     if args.kind == "robot":
         return _robot(args)
     return {"cloth": _cloth, "softbody": _softbody, "fluid": _fluid, "liquid": _fluid}[args.kind](args, {
         "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames, "pins": tuple(args.pin),
         "colliders": tuple(args.collider), "bound": args.material})
+
+
+def write_starter(args) -> list:
+    """A small scene of its own; returns its notes."""
+    from wsim.usd.new.starters import author_starter
+
+    interrupt.begin("wait")
+    return author_starter(args.kind, args.output, args.frames)
 
 
 def _cloth(args, more: dict) -> list:

@@ -1,11 +1,15 @@
 """Options of `wsim new`."""
 
-from wsim.cli.arguments import length, named, positive, whole
+from wsim.cli.arguments import height, length, named, positive, whole
 from wsim.scene.solid import MODELS
+
+STARTERS = {"rigid": "a wall of bricks that a heavy ball rolls into", "hair": "hair on a head that turns to and fro",
+            "smoke": "hot smoke from a ball that moves below another"}       # scenes of their own
 
 
 def add(commands) -> None:
-    new = commands.add_parser("new", help="make a scene of a bare mesh").add_subparsers(dest="kind", required=True)
+    new = commands.add_parser("new", help="make a scene of a bare mesh, or a small one to begin from")
+    new = new.add_subparsers(dest="kind", required=True)
     _new_cloth(new)
     _new_softbody(new)
     for name, told in (("fluid", "smokes, in a box of air around it"),
@@ -26,13 +30,19 @@ def add(commands) -> None:
         kind.add_argument("--meters-per-unit", type=positive, metavar="X", help="unit of the mesh (default: its file's)")
     robot = new.add_parser("robot", help="a scene of a robot, converted to USD by a tool of the Newton project")
     robot.add_argument("file", help="URDF file, or MuJoCo's XML file")
+    meshes = list(new.choices.values())
+    for name, told in STARTERS.items():
+        new.add_parser(name, help=f"a small scene that needs no mesh: {told}")
     for kind in new.choices.values():
         kind.add_argument("-o", "--output", type=named, required=True, metavar="SCENE")
         kind.add_argument("--force", action="store_true", help="replace SCENE if it is there")
-        kind.add_argument("--ground", type=length, metavar="METRES", help="a ground plane so far below it (default: none)")
-        kind.add_argument("--frames", type=whole, metavar="N",
-                          help=f"frames to simulate (default: {'96' if kind is robot else 'those of the file'})")
+        kind.add_argument("--frames", type=whole, metavar="N", help="frames to simulate (default: those of the file, else "
+                          "what the scene needs)")
         kind.add_argument("--debug", action="store_true", help="show where an error came from")
+    for kind in meshes:
+        kind.add_argument("--ground", type=height, metavar="HEIGHT",
+                          help="a ground plane at this height along the up axis, in metres: 0 is that of the origin "
+                               "(default: none)")
 
 
 def _new_cloth(new) -> None:

@@ -86,13 +86,13 @@ def test_a_pin_is_where_its_points_are_below_a_turned_and_scaled_root(sheet, tmp
     root.AddTranslateOp().Set((1, 2, 3))
     root.AddRotateXYZOp().Set((20, 30, 40))
     root.AddScaleOp().Set((2, 2, 2))
-    scene, _ = cloth(sheet, tmp_path, pins=("0..4",), ground=0.5)
+    scene, _ = cloth(sheet, tmp_path, pins=("0..4",), ground=-9.5)
     (pin,), (sheet_,), (ground,) = scene.pins, scene.cloths, scene.colliders
     start = sheet_.motion.points(sheet_.points)
     held = start[pin.points] if pin.places is None else pin.motion.points(pin.places)
     assert np.abs(held - start[:5]).max() < 1e-6
     assert np.allclose(ground.motion.at(0.0)[:3, 2], (0, 1, 0)) and isinstance(ground.shape, Plane)
-    assert ground.motion.at(0.0)[1, 3] == pytest.approx(start[:, 1].min() - 0.5, abs=1e-5)
+    assert ground.motion.at(0.0)[1, 3] == pytest.approx(-9.5, abs=1e-6)
 
 
 @pytest.mark.parametrize("metres, up", [(1.0, "Y"), (0.01, "Y"), (1.0, "Z"), (0.01, "Z")])
@@ -104,6 +104,16 @@ def test_a_collider_of_another_file_keeps_its_size_and_its_motion(sheet, tmp_pat
     for t, x in ((0.0, 1.0), (0.5, 0.0), (1.0, -1.0)):
         assert np.allclose(collider.motion.at(t)[:3, 3], (x, 0.25, 0.0), atol=1e-9)
     assert scene.frames == 24 and faults(tmp_path / "scene.usda") == []
+
+
+def test_a_mesh_that_reaches_below_the_ground_is_said(sheet, tmp_path):
+    """The sheet spans -0.5 to 0.5 m: a ground at 0 is warned of, one above it refused, one below it is right."""
+    _, notes = cloth(sheet, tmp_path, ground=0.0)
+    assert any("is at 0 m, and the mesh reaches 0.5 m below it; give a height up to -0.5" in note for note in notes)
+    _, notes = cloth(sheet, tmp_path, ground=-0.5)
+    assert not any("below it" in note for note in notes)
+    with pytest.raises(SceneError, match="ground: is at 2 m, and the mesh lies below: it reaches from -0.5 to 0.5 m"):
+        cloth(sheet, tmp_path, ground=2.0)
 
 
 def test_a_prim_of_the_same_file_collides(sheet, tmp_path):
@@ -149,7 +159,7 @@ def test_a_scene_that_another_stage_refers_to_still_runs(sheet, tmp_path, kind):
             sheet.SetDefaultPrim(sheet.GetPrimAtPath("/Alone"))
         sheet.Save()
         author_cloth(tmp_path / "sheet.usda", out, "denim", prim="Sheet" if kind == "cloth" else "Alone", pins=("top",),
-                     colliders=(file,), ground=0.1)
+                     colliders=(file,), ground=-1.1)
     else:
         if kind == "softbody":
             mesh(sheet, "/World/Block", *shapes.box((0.1, 0.1, 0.1)))
@@ -159,7 +169,7 @@ def test_a_scene_that_another_stage_refers_to_still_runs(sheet, tmp_path, kind):
             block.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
             block.CreateTetVertexIndicesAttr(Vt.Vec4iArray.FromNumpy(np.ascontiguousarray(tets, np.int32)))
         sheet.Save()
-        author_softbody(tmp_path / "sheet.usda", out, prim="Block", cells=3, pins=("top",), colliders=(file,), ground=0.1)
+        author_softbody(tmp_path / "sheet.usda", out, prim="Block", cells=3, pins=("top",), colliders=(file,), ground=-1.1)
     assert faults(out) == []
     shot = Usd.Stage.CreateNew(str(tmp_path / "shot.usda"))
     UsdGeom.SetStageMetersPerUnit(shot, 1.0)

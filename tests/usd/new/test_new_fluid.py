@@ -43,7 +43,7 @@ def test_a_ball_smokes_in_a_box_with_room_above_it(source, tmp_path):
 
 
 def test_a_ground_is_the_floor_of_the_box(source, tmp_path):
-    author_fluid(source, tmp_path / "s.usda", ground=0.3, frames=7, cells=24)
+    author_fluid(source, tmp_path / "s.usda", ground=1.3, frames=7, cells=24)
     scene = load(str(tmp_path / "s.usda"))
     (fluid,), (plane,) = scene.things("Fluid"), scene.colliders
     assert isinstance(plane.shape, Plane) and scene.frames == 7
@@ -70,7 +70,7 @@ def test_a_ball_of_water_has_a_tank_to_fall_in(source, tmp_path):
 
 
 def test_water_stands_on_a_ground(source, tmp_path):
-    author_liquid(source, tmp_path / "s.usda", ground=0.0, cells=24)
+    author_liquid(source, tmp_path / "s.usda", ground=1.6, cells=24)
     scene = load(str(tmp_path / "s.usda"))
     assert np.isclose(scene.things("Liquid")[0].low[2], 1.6) and isinstance(scene.colliders[0].shape, Plane)
     assert check(scene) == []

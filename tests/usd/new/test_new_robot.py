@@ -67,7 +67,7 @@ def test_without_a_converter_it_says_how_to_get_one(tmp_path, monkeypatch, capsy
 @pytest.mark.skipif(os.name == "nt", reason="the converter of this test is a script that Windows does not start")
 def test_a_model_gives_its_masses_and_keeps_apart_what_its_masks_do(converter, tmp_path):
     (tmp_path / "a.xml").write_text("<mujoco/>")
-    assert main(["new", "robot", "a.xml", "-o", "a.usda", "--ground", "0.5", "--frames", "12"]) == 0
+    assert main(["new", "robot", "a.xml", "-o", "a.usda", "--ground", "-1.5", "--frames", "12"]) == 0
     scene = load("a.usda")
     bodies = [inertia(body) for body in scene.things("Body")]
     assert [round(body.mass, 5) for body in bodies] == [2.0, 3.0, 4.0] and scene.frames == 12

@@ -58,7 +58,7 @@ def author_cloth(mesh_file, out, fabric: Fabric | str | None = None, prim: str |
         author_pins(stage, bare, mesh, asked.pins)
         author_colliders(stage, bare, out, asked.colliders, notes)
         if asked.ground is not None:
-            author_ground(stage, bare.units, bare.bounds, asked.ground)
+            author_ground(stage, bare.units, bare.bounds, asked.ground, notes)
     return notes
 
 

@@ -107,7 +107,7 @@ def _begun(mesh_file, out, asked: Wanted, cells: int, words: tuple[str, str, str
         author_settings(stage, Scene().substeps, Scene().iterations)
         author_colliders(stage, bare, out, asked.colliders, notes)
         if asked.ground is not None:
-            author_ground(stage, bare.units, bare.bounds, asked.ground)
+            author_ground(stage, bare.units, bare.bounds, asked.ground, notes)
 
 
 def _closed(stage: Usd.Stage, bare: Bare, fluid: str) -> None:
@@ -128,7 +128,7 @@ def _author_domain(stage: Usd.Stage, bare: Bare, room: Room, cells: int, ground:
     (low, high), up = bare.bounds, 2 if bare.units.up == "Z" else 1
     size = float((high - low).max())
     low, high = low - room.beside * size, high + room.beside * size
-    low[up] = bare.bounds[0, up] - (room.below * size if ground is None else ground)
+    low[up] = bare.bounds[0, up] - room.below * size if ground is None else min(ground, bare.bounds[1, up])
     high[up] = bare.bounds[1, up] + room.above * size
     cell = float(f"{(high - low).max() / cells:.3g}")
     edges = cell * np.maximum(np.ceil((high - low) / cell - 1e-6), 4.0)

@@ -45,7 +45,7 @@ class Wanted:
     """The wishes that `wsim new` is given, whatever the mesh becomes.
 
     prim            path of the mesh, or of what holds it alone, or its name; None: the only mesh of the file
-    ground          a ground plane this far [m] below the lowest point; None: no ground
+    ground          height [m] of a ground plane, along the up axis; None: no ground
     meters_per_unit overrules what the file says (USD's fallback is 0.01)
     frames          frames to simulate; None: those of the file, or of an animated collider's, else the default of `Scene`
     pins            points to hold, see `wsim.usd.new.pins`

@@ -10,11 +10,14 @@ from dataclasses import replace
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
+from wsim.scene import Problem, SceneError
 from wsim.usd import names
 from wsim.usd.attributes import author
 from wsim.usd.new.mesh import Bare
 from wsim.usd.prims.surface import free
 from wsim.usd.stage import Units
+
+SUNK = 1e-4                        # share of a mesh's size that may lie below the ground unnoticed: rounding of its file
 
 
 def settle(stage: Usd.Stage, bare: Bare) -> Bare:
@@ -68,12 +71,21 @@ def author_settings(stage: Usd.Stage, substeps: int, iterations: int) -> None:
     author(settings, "Scene", "iterations", iterations)
 
 
-def author_ground(stage: Usd.Stage, units: Units, bounds: Sequence | np.ndarray, below: float) -> None:
-    """A plane `below` [m] under the lowest of `bounds` (2, 3) [m], seen four times as wide as those are large."""
+def author_ground(stage: Usd.Stage, units: Units, bounds: Sequence | np.ndarray, height: float, notes: list[Problem]) -> None:
+    """A plane at `height` [m] along the up axis, seen four times as wide as `bounds` (2, 3) [m] are large.
+
+    Warns of a part of the bounds below it. Raises SceneError if all of them lie below."""
     bounds, up = np.asarray(bounds), 2 if units.up == "Z" else 1
+    low, high = bounds[:, up]
+    if high < height:
+        raise SceneError(Problem("ground", f"is at {height:g} m, and the mesh lies below: it reaches from {low:.4g} to "
+                                 f"{high:.4g} m; give a height up to {low:.4g} (--ground)"))
+    if low < height - SUNK * float((bounds[1] - bounds[0]).max()):
+        notes.append(Problem("ground", f"is at {height:g} m, and the mesh reaches {height - low:.3g} m below it; give a height "
+                             f"up to {low:.4g} (--ground), or raise the mesh", fatal=False))
     place = np.eye(4)
     place[3, :3] = bounds.mean(axis=0) / units.metres
-    place[3, up] = (bounds[0, up] - below) / units.metres
+    place[3, up] = height / units.metres
     plane = UsdGeom.Plane.Define(stage, under(stage, "ground"))
     plane.CreateAxisAttr(units.up)
     width = 4.0 * float((bounds[1] - bounds[0]).max()) / units.metres

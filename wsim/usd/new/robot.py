@@ -46,7 +46,7 @@ def author_robot(file, out, *, ground: float | None = None, frames: int | None =
     """Converts a robot's `file` (.urdf, or .xml of MuJoCo) to USD in the folder OUT_robot beside `out`, and writes a scene
     `out` (.usda, .usdc, .usd) over it. Returns warnings.
 
-    ground     a plane this far [m] below the lowest point of the robot; None: no plane of its own
+    ground     height [m] of a ground plane, along the up axis; None: no plane of its own
     frames     frames to simulate, 24 a second; None: 96
 
     Raises SceneError: no such file, another suffix, no converter, a file that it refuses, a place that cannot be written.
@@ -77,7 +77,7 @@ def author_robot(file, out, *, ground: float | None = None, frames: int | None =
         if ground is not None:
             cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [UsdGeom.Tokens.default_, UsdGeom.Tokens.guide])
             box = cache.ComputeWorldBound(stage.GetDefaultPrim()).ComputeAlignedRange()
-            author_ground(stage, units, np.array([box.GetMin(), box.GetMax()]) * units.metres, ground)
+            author_ground(stage, units, np.array([box.GetMin(), box.GetMax()]) * units.metres, ground, notes)
         notes += [note for note in read_stage(stage).notes if note not in notes]
     return notes
 

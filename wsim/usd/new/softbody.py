@@ -81,7 +81,8 @@ def author_softbody(mesh_file, out, material: Bulk | None = None, prim: str | No
         author_pins(stage, bare, tets, asked.pins, *(found.points, found.tets) if caged else ())
         author_colliders(stage, bare, out, asked.colliders, notes)
         if asked.ground is not None:
-            author_ground(stage, bare.units, (found.points.min(axis=0), found.points.max(axis=0)), asked.ground)
+            bounds = found.points.min(axis=0), found.points.max(axis=0)
+            author_ground(stage, bare.units, bounds, asked.ground, notes)
     return notes
 
 
