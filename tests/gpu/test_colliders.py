@@ -14,6 +14,8 @@ pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA devi
 
 
 def test_poses_of_many_colliders_are_those_of_the_cpu():
+    """To 1e-14, but for the ball and the stride of the mesh that deforms, the last row: its points of up to 0.15 m are float32.
+    A blend of keys and a distance take four roundings of 2^-24 on each device, and a GPU rounds a product with its sum once."""
     found = []
     for device in ("cpu", "cuda:0"):
         c = tried(mixed(np.random.default_rng(4)), device=device)
@@ -21,7 +23,8 @@ def test_poses_of_many_colliders_are_those_of_the_cpu():
             c.prepare(time)
         found.append(table(c))
     for cpu, gpu in zip(*found, strict=True):
-        np.testing.assert_allclose(cpu, gpu, rtol=0.0, atol=1e-14)
+        np.testing.assert_allclose(cpu[:, :-1], gpu[:, :-1], rtol=0.0, atol=1e-14)
+        np.testing.assert_allclose(cpu[:, -1], gpu[:, -1], rtol=0.0, atol=2 * 4 * 0.15 * 2.0**-24)
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

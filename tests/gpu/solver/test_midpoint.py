@@ -28,9 +28,10 @@ def test_a_cloth_that_falls_on_a_body_is_that_of_the_cpu(solver, body):
 
 
 def test_layers_that_fall_on_a_floor_have_the_same_bits_from_run_to_run():
+    """By 12 iterations, as on the CPU: with 6, a frame misses the residual that the midpoint needs, and says so."""
     found = []
     for _ in range(2):
-        sim = Simulation(fallen(), device="cuda:0")
+        sim = Simulation(fallen(iterations=12), device="cuda:0")
         for _ in range(20):
             sim.step()
             assert crossed(sim) == 0
