@@ -12,6 +12,7 @@ from tools.bench.contact.skinning import character, speed
 from wsim.geometry.triangulate import triangulate
 from wsim.kernels.contact.project import SUNK
 from wsim.kernels.math import mesh_refit
+from wsim.model.structs import filled
 from wsim.physics.animation.objects import DUAL, LINEAR
 from wsim.physics.animation.skinning import placed
 from wsim.scene import shapes
@@ -70,8 +71,10 @@ def test_a_character_under_a_cloth_stays_under_it():
 
 @pytest.mark.parametrize("sides", [4, 12, 65])        # of 8 to 4095 triangles
 @pytest.mark.parametrize("how", ["block", "blocks", "boxes"])
-def test_trees_that_a_loop_fits_are_warps(sides, how):
-    """Faces and rays about a sphere that was squashed and shaken, and sides by winding numbers, where a point asks for them."""
+@pytest.mark.parametrize("held", [False, True])
+def test_trees_that_a_loop_fits_are_warps(sides, how, held):
+    """Faces and rays about a sphere that was squashed and shaken, and sides by winding numbers, where a point asks for them.
+    held: by boxes of the substep before, which name another one of faces that are equally near."""
     rng = np.random.default_rng(5)
     points, counts, indices = shapes.sphere(0.3, sides)
     corners = triangulate(points, counts, indices, True)[0].astype(np.int32)
@@ -81,23 +84,30 @@ def test_trees_that_a_loop_fits_are_warps(sides, how):
     for own in (False, True):
         places = wp.array(points.astype(np.float32), dtype=wp.vec3f, device="cuda:0")
         mesh = wp.Mesh(places, wp.array(corners.ravel(), dtype=int, device="cuda:0"), support_winding_number=True)
-        if not own or how == "blocks":
+        if not own:
             places.assign(moved)
         if own:
             deep, mark, wound = (wp.array([value], dtype=int, device="cuda:0") for value in (0, SUNK * (how != "boxes"), 0))
-            if how == "blocks":
-                wp.launch(mesh_refit.bound(), len(corners), [mesh.id, len(corners), deep, mark], [wound], device="cuda:0")
-                wp.launch(mesh_refit.fit(), len(corners), [mesh.id, len(corners)], [wound], device="cuda:0")
-            else:
-                shapes_of = wp.array(np.stack([0.0 * moved, moved]), dtype=wp.vec3f, device="cuda:0")
-                still = wp.zeros_like(places)
-                wp.launch(mesh_refit.fit_block(), mesh_refit.BLOCK, [mesh.id, shapes_of, wound, deep, mark], [places, still],
-                          device="cuda:0", block_dim=mesh_refit.BLOCK)
-                assert np.array_equal(still.numpy(), moved)
+            before = points.astype(np.float32)
+            shapes_of = wp.array(np.stack([0.0 * before, before, moved][1 - held:]), dtype=wp.vec3f, device="cuda:0")
+            still, low, high = (wp.zeros_like(places) for _ in range(3))
+            count = len(corners)
+            tree = filled(mesh_refit.FittedTree, mesh=mesh.id, track=shapes_of, low=low, high=high, deep=deep, mark=mark,
+                          wound=wound, first=0, span=1 + held)
+            for substep in range(1 + held):
+                now, shape = wp.array([substep], dtype=int, device="cuda:0"), [places, still]
+                if how == "blocks":
+                    wp.launch(mesh_refit.pose(), len(points), [tree, now], shape, device="cuda:0")
+                    wp.launch(mesh_refit.bound(), count, [tree, count, now], device="cuda:0")
+                    wp.launch(mesh_refit.fit(), count, [tree, count, now], device="cuda:0")
+                else:
+                    wp.launch(mesh_refit.fit_block(), mesh_refit.BLOCK, [tree, now], shape, device="cuda:0",
+                              block_dim=mesh_refit.BLOCK)
+            assert np.array_equal(places.numpy(), moved) and np.array_equal(still.numpy(), moved - before)
             assert wound.numpy()[0] == 0
         else:
             mesh.refit()
         out = wp.zeros(300, dtype=wp.vec4f, device="cuda:0")
         wp.launch(nearest_faces, 300, [mesh.id, q, way], [out], device="cuda:0")
-        found.append(out.numpy()[:, [0, 3] if how == "boxes" else [0, 2, 3]])     # sides by normals need the mean edge, too
+        found.append(out.numpy()[:, [3] + [0] * (not held) + [2] * (how != "boxes")])     # sides by normals need the mean edge
     assert len(corners) <= mesh_refit.SMALL and np.array_equal(*found)

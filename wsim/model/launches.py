@@ -189,6 +189,7 @@ class Loop:
         self.model, self.clock, self.count, self.pick = model, clock, loop.count_substep(), loop.pick_rows()
         model.modules[loop.MODULE] = model.block
         self.number, self.going = (wp.zeros(1, dtype=int, device=model.device) for _ in range(2))
+        self.first = 0                                     # substep that the body begins with
         self.windows: dict[tuple, tuple] = {}              # by table and rows: table, window, both as whole numbers
         # on a GPU, where a loop's body cannot allocate memory
         bytes = ROOM + OF_POINT * model.points + OF_COLLIDER * len(model.scene.colliders)
@@ -203,11 +204,12 @@ class Loop:
             self.model.repeat(run, first, last)
             return
         run(first)
-        self.number.fill_(first + 1)
+        self.first = first + 1
+        self.number.fill_(self.first)
         self.going.fill_(1)
         self.clock.loop = self
         try:
-            wp.capture_while(self.going, lambda: self._body(run, first + 1, last - 1))
+            wp.capture_while(self.going, lambda: self._body(run, self.first, last - 1))
         finally:
             self.clock.loop = None
         run(last - 1)

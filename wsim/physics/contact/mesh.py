@@ -13,6 +13,7 @@ import numpy as np
 
 from wsim.geometry.triangulate import flat, triangulate
 from wsim.geometry.winding import wound_alike
+from wsim.model.structs import filled
 from wsim.scene import Collider, Problem, SceneError, Surface
 from wsim.scene.check.signed_distance import closed
 
@@ -102,6 +103,7 @@ class Mesh:
             still = wp.zeros(len(points), dtype=wp.vec3, device=device) if self.moves else None
             corners = wp.array(self.triangles.ravel(), dtype=wp.int32, device=device)
             self.device["wound"] = wp.zeros(1, dtype=int, device=device)
+            self.device["box"] = [wp.zeros_like(points) for _ in range(2 * self.moves)]
             self.device["mesh"] = wp.Mesh(points, corners, still, support_winding_number=self.closed)
         if self.moves and (self.device.get("track") is None or self.device["track"].shape[0] != substeps + 1):
             self.device["track"] = wp.zeros((substeps + 1, len(self.surface.points)), dtype=wp.vec3, device=device)
@@ -113,22 +115,32 @@ class Mesh:
     def launch(self, of, k: int, loop=None) -> None:
         """The shape at the end of substep k, its motion and its tree; capturable. of: `wsim.physics.contact.contacts.Contacts`,
         which has a kernel for the tree on a CPU; loop: as `Clock.loop`."""
-        mesh, track, threads = self.device["mesh"], self.device["track"], len(self.triangles)
-        asked, shape = [of.table.deep, of.mark], [mesh.points, mesh.velocities]            # winding numbers; where it is now
+        mesh, track = self.device["mesh"], self.device["track"]
         if loop and of.refit_kernel is None:
-            from wsim.kernels.math import mesh_refit
-            if threads <= mesh_refit.SMALL:
-                of.launch_blocks(mesh_refit.fit_block(), 1, mesh_refit.BLOCK, [mesh.id, track, loop.number, *asked], shape)
-                return
-        of.launch(of.pose_kernel, track.shape[1], [track, 0, loop.number] if loop else [track, k, None], shape)
-        if loop and of.refit_kernel is None:
-            of.launch(mesh_refit.bound(), threads, [mesh.id, threads, *asked], [self.device["wound"]])
-            of.launch(mesh_refit.fit(), threads, [mesh.id, threads], [self.device["wound"]])
-        elif of.refit_kernel is None:
+            self.fit_tree(of, loop)
+            return
+        of.launch(of.pose_kernel, track.shape[1], [track, 0, loop.number] if loop else [track, k, None],
+                  [mesh.points, mesh.velocities])
+        if of.refit_kernel is None:
             mesh.refit()
         else:
             function = ctypes.cast(mesh.runtime.core.wp_mesh_refit_host, ctypes.c_void_p).value
-            of.launch(of.refit_kernel, 1, [function, mesh.id, int(of.adjoint is not None), *asked], [])
+            of.launch(of.refit_kernel, 1, [function, mesh.id, int(of.adjoint is not None), of.table.deep, of.mark], [])
+
+    def fit_tree(self, of, loop) -> None:
+        """As `launch`, in the body of a loop on a GPU."""
+        from wsim.kernels.math import mesh_refit as kernels
+        mesh, track, threads = self.device["mesh"], self.device["track"], len(self.triangles)
+        low, high = self.device["box"]
+        tree = filled(kernels.FittedTree, mesh=mesh.id, track=track, low=low, high=high, deep=of.table.deep, mark=of.mark,
+                      wound=self.device["wound"], first=loop.first, span=kernels.span_of(track.shape[0] - 1))
+        shape = [mesh.points, mesh.velocities]
+        if threads <= kernels.SMALL:
+            of.launch_blocks(kernels.fit_block(), 1, kernels.BLOCK, [tree, loop.number], shape)
+            return
+        of.launch(kernels.pose(), track.shape[1], [tree, loop.number], shape)
+        of.launch(kernels.bound(), threads, [tree, threads, loop.number], [])
+        of.launch(kernels.fit(), threads, [tree, threads, loop.number], [])
 
 
 def deforming(meshes, module, cpu: bool) -> tuple:
@@ -148,4 +160,4 @@ def make_trees(model, meshes) -> None:
         mesh_refit.fit_block()
     if False in small:
         model.modules[mesh_refit.MODULE] = model.block
-        mesh_refit.bound(), mesh_refit.fit()
+        mesh_refit.pose(), mesh_refit.bound(), mesh_refit.fit()
