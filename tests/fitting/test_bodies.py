@@ -24,7 +24,7 @@ def seen(noise: float = 0.0) -> Markers:
     for frame in range(1, 21):
         sim.step()
         if frame in frames:
-            poses.append(sim.plan.find("bodies").placed("/racket")[0])
+            poses.append(sim.plan.ports.bodies.placed("/racket")[0])
     found = Markers.of("/racket", frames, np.array(poses), size=0.3)
     found.positions += noise * np.random.default_rng(4).normal(size=found.positions.shape)
     return found

@@ -39,7 +39,7 @@ def seen(scene: Scene, path: str, noise: float = NOISE) -> Markers:
     for frame in range(1, 25):
         sim.step()
         if frame in frames:
-            poses.append(sim.plan.find("bodies").placed(path)[0])
+            poses.append(sim.plan.ports.bodies.placed(path)[0])
     found = Markers.of(path, frames, np.array(poses), size=0.3)
     found.positions += noise * np.random.default_rng(4).normal(size=found.positions.shape)
     return found

@@ -36,7 +36,7 @@ def markers(scene: Scene, seed: int) -> Markers:
     sim, seen = Simulation(scene, **CPU), []
     for _ in range(FRAMES):
         sim.step()
-        seen.append(sim.plan.find("bodies").placed("/b")[0])
+        seen.append(sim.plan.ports.bodies.placed("/b")[0])
     found = Markers.of("/b", range(1, FRAMES + 1), np.array(seen))
     found.positions += NOISE * np.random.default_rng(seed).normal(size=found.positions.shape)
     found.sigma = NOISE
@@ -81,4 +81,4 @@ def test_a_world_that_is_reset_moves_as_at_the_start_with_the_mass_that_was_set(
     sim.set("/b", "mass", 1.6, world=1)
     sim.run(3)
     sim.reset(world=1)
-    assert np.allclose(sim.plan.find("bodies").velocities()[1], (3.0, 0.0, 4.0), atol=1e-12)
+    assert np.allclose(sim.plan.ports.bodies.velocities()[1], (3.0, 0.0, 4.0), atol=1e-12)

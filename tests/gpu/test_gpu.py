@@ -80,7 +80,7 @@ def test_a_cluster_sweeps_colours_as_launches_do(monkeypatch, worlds):
         scene.pin("/pins", cloth, range(31))
         sim = Simulation(scene, device="cuda:0", worlds=worlds)
         sim.run(5)
-        assert all(bool(each.cluster) == shared for each in sim.plan.methods.every("batches"))
+        assert all(bool(each.cluster) == shared for each in sim.plan.ports.xpbd_batches)
         found.append(sim.state.x.numpy())
     assert np.array_equal(*found[:2]) and np.abs(found[2] - found[0]).max() < 1e-6
 

@@ -67,7 +67,7 @@ RUN = (room("simulation", "simulation plan choice methods cost retry duration in
        | room("simulation.predicted", "errors measured growth sweep_strain sag rolling")
        | room("simulation.measure", "captures indicators exceeded host") | room("scene.nodal", "masses separate")
        | room("scene", "integrator methods samples")
-       | room("model", "stage state status model midnodes launches kernel_cache structs vjp warp_private")
+       | room("model", "stage ports state status model midnodes launches kernel_cache structs vjp warp_private")
        | room("model.compiler", "variants source header recorded version")
        | room("scene.check", "counts") | room("geometry", "sheet_ordering ordering color color_chains")
        | room("physics.motion", "points overstretch stability")

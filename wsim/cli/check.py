@@ -60,4 +60,4 @@ def _planned(scene: "Scene") -> "list[Problem]":
     wp.config.log_level = wp.LOG_WARNING          # no banner between the lines
     from wsim.simulation.simulation import Simulation
 
-    return Simulation(scene, device="cpu").plan.methods.every("start")
+    return Simulation(scene, device="cpu").plan.ports.start_warnings

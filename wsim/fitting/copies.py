@@ -182,13 +182,13 @@ class Copies:
         if hasattr(seen, "field"):
             return self.fields(seen)
         if hasattr(seen, "local"):
-            return seen.seen(self.sim.plan.find("bodies").placed(seen.path))
+            return seen.seen(self.sim.plan.ports.bodies.placed(seen.path))
         return self.positions(seen.path) if seen.unit == "m" else every(self.sim, seen.path)
 
     def fields(self, seen) -> np.ndarray:
         """Smoke or temperature of a fluid in every copy, as `seen` has it, (worlds, m)."""
         from wsim.fitting.observations.smoke import FIELDS
-        method = self.sim.plan.find("fluids")
+        method = self.sim.plan.ports.fluids
         own = [k for k, (fluid, _) in enumerate(method.pairs) if fluid.path == seen.path]
         values = np.stack([method.field(k, FIELDS[seen.field][0]).numpy().astype(np.float64) for k in own])
         return seen.seen(method.pairs[own[0]][0], values)

@@ -46,7 +46,7 @@ class Apart:
         step = PART[recording.sim.precision] * self.way * recording.sim.scene.fps / recording.frames
         if self.gradient is not None or not (size > 0.0 and step > 0.0):
             return
-        free = recording.plan.find("constants").w.numpy()[:, None] > 0.0
+        free = recording.plan.ports.constants.w.numpy()[:, None] > 0.0
 
         def run(change: np.ndarray) -> float:
             return sum(simulated(recording, partial(loss, state, seeds), partial(kick, state.v, change)))

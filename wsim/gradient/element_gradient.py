@@ -72,7 +72,7 @@ class ElementGradient:
                 if p.body is body:
                     shape.tets(p.rows, self.of((table.plastic or table).data.edge)[part])
         by = self.by_mass()[np.concatenate([body.index, body.middles])]
-        return shape.points() + by_masses(body, by, self.plan.find("densities").get(body.number))
+        return shape.points() + by_masses(body, by, self.plan.ports.densities.get(body.number))
 
     def at_rest(self, body) -> Iterator[tuple]:
         """Constraints of a body, and gradients by their rest values, shapes and, of hinges, curvatures."""

@@ -110,7 +110,7 @@ class Gradient(ElementGradient):
     def density(self, path: str | None = None, world: int = 0) -> float:
         """Gradient with respect to the density that all masses of a body follow [m^3/kg]."""
         b = self.model.body(path, world)
-        density = self.plan.find("densities").get(b.number) or density_of(b.source)
+        density = self.plan.ports.densities.get(b.number) or density_of(b.source)
         if density is None:
             raise refuse("density", b.path)
         return float((self.by_mass()[b.first:b.last] * b.masses).sum()) / density

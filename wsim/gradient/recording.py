@@ -63,8 +63,8 @@ class Recording(Frames):
         self.start, self.begins, self.jumps = sim.frame, self.plan.clock.starting, self.plan.starts
         self.roots: list[Root] = []
         self.slots, self.parameters = Slots(sim.device, sim.model.real), Parameters(self.plan)
-        self.moved, self.bodies = self.state.parts.get("points"), self.plan.find("recorded bodies")
-        self.fluids = self.plan.find("recorded fluids")
+        self.moved, self.bodies = self.state.parts.get("points"), self.plan.ports.recorded_bodies
+        self.fluids = self.plan.ports.recorded_fluids
         self.every = self.moved.every if self.moved else wp.zeros(0, dtype=sim.model.real, device=sim.device)
         self.initial = wp.clone(self.every)
         self.marks = [(array, wp.clone(array)) for array, _ in (self.moved.saved.values() if self.moved else ())]
@@ -119,7 +119,7 @@ class Recording(Frames):
     @property
     def shape(self) -> tuple:
         """Part of a simulation that may not change after it was recorded."""
-        clock, stride = self.plan.clock, self.plan.find("stride")
+        clock, stride = self.plan.clock, self.plan.ports.target_stride
         return (clock.substeps, clock.integrator.name, stride() if stride else 0,
                 *(array.ptr for array in self.parameters.targets()))
 
@@ -187,12 +187,12 @@ class Recording(Frames):
             self.keep(frame + 1)
         self.sim.frame, self.plan.clock.starting, self.ran = self.start + self.frames, False, True
         judge(self, f"an edge is more than twice its rest length: {EXPLICIT}")
-        if self.apart is None and self.plan.find("adjoint"):
+        if self.apart is None and self.plan.ports.solve_adjoint:
             self.apart = Apart(self)
 
     def misses(self) -> list[wp.array]:
         """Residuals that the worst forward and the worst adjoint solve of implicit steps have left."""
-        return [adjoint.missed, adjoint.left] if (adjoint := self.plan.find("adjoint")) else []
+        return [adjoint.missed, adjoint.left] if (adjoint := self.plan.ports.solve_adjoint) else []
 
     def warn(self, text: str) -> None:
         """Adds a warning to the simulation's, once."""

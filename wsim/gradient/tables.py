@@ -13,16 +13,16 @@ class Parameters:
 
     def __init__(self, plan):
         self.plan, self.model = plan, plan.model
-        self.pull: Any = plan.find("gather")
-        self.batches = plan.methods.every("batches")                               # of XPBD
+        self.pull: Any = plan.ports.force_gather
+        self.batches = plan.ports.xpbd_batches                               # of XPBD
         self.springs = self.pull.springs if self.pull else []                      # rows, of the other solvers
         self.flat = [e for e in self.pull.elements if hasattr(e, "kind")] if self.pull else []       # hinges and triangles
         self.tables = self.pull.tables if self.pull else []                        # tets
-        self.points, contacts = plan.find("constants"), plan.find("contacts")
-        self.muscles, self.loads, self.pins = map(plan.find, ("muscles", "loads", "pins"))
-        self.air, self.bounce = plan.find("air"), plan.find("bounce")
+        self.points, contacts = plan.ports.constants, plan.ports.contacts
+        self.muscles, self.loads, self.pins = plan.ports.muscles, plan.ports.loads, plan.ports.pins
+        self.air, self.bounce = plan.ports.air, plan.ports.restitution
         self.contact = contacts.adjoint if contacts else None
-        self.bodies = plan.find("recorded bodies")
+        self.bodies = plan.ports.recorded_bodies
 
     def arrays(self) -> list[wp.array]:
         """Arrays that are differentiated by, of one kind each."""

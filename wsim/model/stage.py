@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from wsim.model.ports import Ports as Ports
+from wsim.model.ports import joined
 from wsim.model.status import Status
 from wsim.scene.integrator import Integrator
 from wsim.scene.samples import Sample
@@ -189,7 +191,7 @@ class Method:
     subdivide: int = 1                                         # steps of its own in a substep, each all its phases
     moved: bool = False                                        # a frame has other launches than its graph from now on
     remade: bool = False                                       # kernels that are not compiled yet, since a value was set
-    offers: dict[str, Any] = field(default_factory=dict)       # what others may ask for, by name: see `Methods`
+    offers: Ports = field(default_factory=Ports)               # what others may ask for
     by_world: bool = False                                     # `set` takes a `ByWorld` too
 
     alike = False                                              # launches of substeps but the first and the last are the same
@@ -244,29 +246,12 @@ class Method:
 
 
 class Methods(list[Method]):
-    """The methods of a plan, in order. Who needs something asks for the thing by its name, not for the method that has it:
+    """The methods of a plan, in order."""
 
-    points, constants, densities     what is known of points; their inverse masses, gravity ...; densities that were set
-    rows, batches, solids, tables    lists: constraints as a solver has them, XPBD's batches, tets, Newton's tables
-    spring tables, gather, adjoint   where rest lengths stand; the force gather; the adjoint of an implicit solve
-    pins, hard pins, soft pins, contact, contacts, bounce, muscles, loads, air, wind, watch
-    least, send, stride              of explicit steps: how many are stable; uploads constraints; rows of targets a substep
-    copies, forces, impacts          of explicit steps: what they predict; ports before forces and the last half kick
-    earlier                          of leapfrog: what others changed velocities by in the last substep but one [m/s]
-    self-contact                     surfaces that touch themselves and each other
-    bodies, recorded bodies          the rigid ones; what recordings know of them; fluids, recorded fluids likewise
-    edges                            of named explicit steps that bear little tension: the watch over how long edges are
-    aims                             (path, name) of targets and speeds of drives that joints follow in each substep
-    terms                            port of a Newton step: what acts there beside the forces of bodies
-    """
-
-    def find(self, name: str) -> Any:
-        """The thing of a name; None where no method offers one."""
-        return next((m.offers[name] for m in self if name in m.offers), None)
-
-    def every(self, name: str) -> list:
-        """All things of a name, of lists that several methods may offer."""
-        return [thing for m in self for thing in m.offers.get(name, ())]
+    @property
+    def ports(self) -> Ports:
+        """What methods offer: who needs something asks for the port, not for the method that has it."""
+        return joined(self)
 
     def restored(self, fields: dict[str, dict[str, np.ndarray]]) -> None:
         """`Method.restored` of each."""

@@ -80,5 +80,5 @@ def shorten(sim: Simulation) -> bool:
                         f"{choice.bears:.3g} times; repeated with {choice.least}, which stay; give --substeps {choice.least}")
     clock.substeps, clock.starting = choice.least, True
     sim.graphs.forget("substeps were raised")
-    plan.find("edges").most = MOST
+    plan.ports.edge_watch.most = MOST
     return True

@@ -133,10 +133,10 @@ def _floats(path: str, name: str, value) -> np.ndarray:
 
 def _remembered(sim: Simulation) -> Callable[[], None]:
     """Puts what explicit steps depend on back to where it is now, to the bit: bodies, constraints, materials of tets."""
-    points, send = sim.plan.find("points"), sim.plan.find("send")
+    points, send = sim.plan.ports.points, sim.plan.ports.upload_constraints
     if send is None:
         return lambda: None
-    rows = [r for r in sim.plan.methods.every("rows") if not r.hard]
+    rows = [r for r in sim.plan.ports.constraint_rows if not r.hard]
     kept = [(thing, {name: getattr(thing, name) for name in names}) for owners, names in (
         (sim.model.bodies, ("masses", "rest", "source")), (rows, ("stiffness", "tau", "rest", "shape", "coupling")))
         for thing in owners]
@@ -213,7 +213,7 @@ def _counts(sim: Simulation, row: Value, thing, path: str, world: int | None) ->
         return {len(thing.tets)} if row.tets else set()
     if hasattr(thing, "driven"):
         return {len(thing.driven())}
-    sizes = {len(r.ids) for r in sim.plan.methods.every("rows")
+    sizes = {len(r.ids) for r in sim.plan.ports.constraint_rows
              if r.body is not None and r.body.path == path and world in (None, r.body.world) and row.name in r.stiffness}
     return sizes if len(sizes) == 1 else set()
 

@@ -2,6 +2,8 @@
 it is needed, its `build(Build)` makes it, and when all are made each connects itself with others (`Method.meet`).
 """
 
+import hashlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,13 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from wsim.model.model import Model
-from wsim.model.stage import Clock, Method, Methods
-from wsim.model.state import State
+from wsim.model.midnodes import places as node_places
+from wsim.model.model import Model, edge_lengths
+from wsim.model.stage import Clock, Method, Methods, Ports
+from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import Constraints
 from wsim.scene import Scene
 from wsim.scene.methods import METHODS, Row, carried, loads_of_bodies, touches
+from wsim.scene.nodal.separate import apart
 from wsim.simulation.choice import Choice
 
 
@@ -37,6 +41,11 @@ class Build:
     @property
     def scene(self) -> Scene:
         return self.model.scene
+
+    @property
+    def ports(self) -> Ports:
+        """What the methods that stand before in the table offer."""
+        return self.methods.ports
 
     @cached_property
     def colliders(self) -> Any:
@@ -155,7 +164,7 @@ def watched(b: Build) -> None:
     simulation with gradients is not repeated, and has no balance."""
     others = [part for part in b.state.parts.values() if part.name != "points"]
     if others:
-        from wsim.model.guard import Guard
+        from wsim.simulation.measure.checks.guard import Guard
         b.methods.append(Guard(b.model, others, b.status))
     if not b.model.gradients:
         from wsim.simulation.measure.checks import balance
@@ -192,3 +201,62 @@ def signature(b: Build) -> list:
             *("bounce" for c in scene.colliders[:1] if any(k.restitution > 0.0 for k in scene.colliders)),
             *("muscles" for s in scene.springs[:1] if any(n.actuation for n in scene.springs)),
             *("loads" for _ in loads_of_bodies(scene)[:1]), *sorted({r.kind for r in b.model.constraints} - TOLD)]
+
+
+def point_fields(b: Build) -> tuple[Field, ...]:
+    """Fields of the points that this scene needs."""
+    integrator, met = b.choice.integrator, bool(b.scene.colliders or b.reasons["contact"])
+    multistep, steps = integrator.memory > 0.0, integrator.explicit and b.within
+    return (POINTS + (ANCHOR if multistep or met or steps else ()) + (HISTORY if multistep else ())
+            + (STAGED if integrator.solves > 1 else ()) + (CARRY if integrator.explicit else ())
+            + (HALF if steps and (len(integrator.steps) > 1 or b.reasons["selfcontact"] and integrator.lags) else ()))
+
+
+def module_name(b: Build) -> str:
+    """Name of the Warp module of this set of kernels."""
+    return "wsim_" + hashlib.sha256(json.dumps(signature(b), default=str).encode()).hexdigest()[:12]
+
+
+def left_out(b: Build) -> list[dict]:
+    """What a plan does not have, and why."""
+    none = "" if b.model.bodies else "there are no points"
+    absent = [(row.name, row.without if row.owns else none or row.without) for row in METHODS
+              if row.without and not b.reasons[row.name]]
+    absent += [(name, without) for name, without, there in PARTS if not there(b)]
+    return [{"stage": name, "why": why} for name, why in absent]
+
+
+def allocate_points(b: Build) -> None:
+    """Adds the points of all bodies to the state."""
+    model = b.model
+    if model.bodies:
+        points = Part.allocate("points", point_fields(b), model.points, model.real, model.device)
+        points.rows = {(body.path, body.world): node_places(body) for body in model.bodies}
+        b.state.add(points)
+
+
+def make_methods(b: Build) -> None:
+    """The methods that the scene needs, in the order of the table, and those that watch over them."""
+    for row in METHODS:
+        made = built(row, b) if b.reasons[row.name] else None
+        if made:
+            b.methods.append(made)
+    watched(b)
+
+
+def connect_methods(b: Build) -> None:
+    """Each method takes what it needs of the others' ports."""
+    for method in b.methods:
+        method.meet(b.methods)
+
+
+def place_points(b: Build) -> None:
+    """Initial positions with their rounding remainder, and velocities."""
+    model, state = b.model, b.state
+    if not model.bodies:
+        return
+    places = np.concatenate([apart(body.places, body.edges - body.first, edge_lengths(body)) for body in model.bodies])
+    x = places.astype(model.dtype)
+    state.x.assign(x)
+    state.e.assign((places - x).astype(model.dtype))
+    state.v.assign(model.stack("velocities").astype(model.dtype))

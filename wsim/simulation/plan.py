@@ -7,29 +7,31 @@
              pose, predict, collide; `iterations` times solve; finish;      at last the stages "frame" of deform
 """
 
-import hashlib
-import json
 from dataclasses import dataclass, field, replace
-from typing import Any
-
-import numpy as np
 
 from wsim.kernels.math.real import ADJOINT
 from wsim.model import model as models
 from wsim.model.launches import PEELED, Loop, loop_of
-from wsim.model.midnodes import places
-from wsim.model.model import Model, edge_lengths
-from wsim.model.stage import FREE, MET, PHASES, Clock, Method, Methods, Stage
-from wsim.model.state import ANCHOR, CARRY, HALF, HISTORY, POINTS, STAGED, Field, Part, State
+from wsim.model.model import Model
+from wsim.model.stage import FREE, MET, PHASES, Clock, Method, Methods, Ports, Stage
+from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import LOOKS, constrain
 from wsim.scene import Scene
 from wsim.scene.check import counts
 from wsim.scene.methods import METHODS, loads_of_bodies
-from wsim.scene.nodal.separate import apart
 from wsim.simulation import cost
 from wsim.simulation.choice import Choice, choose
-from wsim.simulation.methods import PARTS, Build, built, needed, signature, watched
+from wsim.simulation.methods import (
+    Build,
+    allocate_points,
+    connect_methods,
+    left_out,
+    make_methods,
+    module_name,
+    needed,
+    place_points,
+)
 from wsim.simulation.predicted.sag import settle
 
 LAUNCH = 5.5e3           # [B] of a launch of the table in a graph of a CPU: crossed cloths, 84 of them in a substep
@@ -92,9 +94,10 @@ class Plan:
                         if stage.phase == phase and stage.rate == "substep":
                             stage.launch(self.clock)
 
-    def find(self, name: str) -> Any:
-        """Offer of a method by that name, see `wsim.model.stage.Methods`; None: there is none."""
-        return self.methods.find(name)
+    @property
+    def ports(self) -> Ports:
+        """What methods offer."""
+        return self.methods.ports
 
     def method(self, name: str) -> Method | None:
         """The method of a row of the table, for those who have the row or look inside."""
@@ -103,12 +106,12 @@ class Plan:
     @property
     def hard(self) -> bool:
         """True if tethers or strain limits hold something."""
-        return any(batch.hard for batch in self.methods.every("batches"))
+        return any(batch.hard for batch in self.ports.xpbd_batches)
 
     @property
     def solids(self) -> list:
         """Tables of tets (`wsim.physics.soft.fem`), of whichever method has them."""
-        return self.methods.every("solids")
+        return self.ports.tet_tables
 
     def before_frame(self, time: float) -> None:
         for method in self.methods:
@@ -204,25 +207,28 @@ def build(scene: Scene, *, device, real, worlds: int = 1, gradients: bool = Fals
     model.gradients, model.by_point = gradients, gradients or bool(loads_of_bodies(scene))
     b = _chosen(model, fps)
     b.reasons = {row.name: needed(row, b) for row in METHODS}
-    model.module = _module(b) + ADJOINT * gradients
+    model.module = module_name(b) + ADJOINT * gradients
+    _choose_fusion(b)
+    allocate_points(b)
+    make_methods(b)
+    connect_methods(b)
+    b.status.allocate()
+    place_points(b)
+    return _assemble_plan(b)
+
+
+def _choose_fusion(b: Build) -> None:
+    """Lets explicit steps launch all that acts in a substep at once, where that pays."""
+    model, scene = b.model, b.scene
     acts = model.fuses or model.device.is_cuda or b.within or scene.softs          # else a march of a CPU takes whole frames
     if b.choice.solver == "explicit" and model.fuses is not False and acts:
         from wsim.physics.fused.fuser import Fuser, apart, pays
         model.fuser = None if apart(model, b.reasons) or model.fuses is None and not pays(model) else Fuser(model)
-    if model.bodies:
-        points = Part.allocate("points", _fields(b), model.points, real, device)
-        points.rows = {(body.path, body.world): places(body) for body in model.bodies}
-        b.state.add(points)
-    for row in METHODS:
-        made = built(row, b) if b.reasons[row.name] else None
-        if made:
-            b.methods.append(made)
-    watched(b)
-    for method in b.methods:
-        method.meet(b.methods)
-    b.status.allocate()
-    _start(model, b.state)
-    plan = Plan(model, b.state, b.clock, b.methods, b.status, b.choice, _skipped(b),
+
+
+def _assemble_plan(b: Build) -> Plan:
+    model = b.model
+    plan = Plan(model, b.state, b.clock, b.methods, b.status, b.choice, left_out(b),
                 cost.seconds(model, cost.frame(model, b.choice)))
     if model.fuser:
         model.fuser.prepare(plan)
@@ -264,37 +270,3 @@ def _chosen(model: Model, fps: float | None = None) -> Build:
                   choice.steps, "take softer materials, larger masses or elements, or another solver")
     clock = Clock(1.0 / scene.fps, choice.substeps, choice.iterations, choice.integrator)
     return Build(model, choice, State(), Status(model.device), clock)
-
-
-def _fields(b: Build) -> tuple[Field, ...]:
-    """Fields of the points that this scene needs."""
-    integrator, met = b.choice.integrator, bool(b.scene.colliders or b.reasons["contact"])
-    multistep, steps = integrator.memory > 0.0, integrator.explicit and b.within
-    return (POINTS + (ANCHOR if multistep or met or steps else ()) + (HISTORY if multistep else ())
-            + (STAGED if integrator.solves > 1 else ()) + (CARRY if integrator.explicit else ())
-            + (HALF if steps and (len(integrator.steps) > 1 or b.reasons["selfcontact"] and integrator.lags) else ()))
-
-
-def _module(b: Build) -> str:
-    """Name of the Warp module of this set of kernels."""
-    return "wsim_" + hashlib.sha256(json.dumps(signature(b), default=str).encode()).hexdigest()[:12]
-
-
-def _skipped(b: Build) -> list[dict]:
-    none = "" if b.model.bodies else "there are no points"
-    absent = [(row.name, row.without if row.owns else none or row.without) for row in METHODS
-              if row.without and not b.reasons[row.name]]
-    absent += [(name, without) for name, without, there in PARTS if not there(b)]
-    return [{"stage": name, "why": why} for name, why in absent]
-
-
-def _start(model: Model, state: State) -> None:
-    """Initial positions with their rounding remainder, and velocities."""
-    if not model.bodies:
-        return
-    dtype = model.dtype
-    places = np.concatenate([apart(b.places, b.edges - b.first, edge_lengths(b)) for b in model.bodies])
-    x = places.astype(dtype)
-    state.x.assign(x)
-    state.e.assign((places - x).astype(dtype))
-    state.v.assign(model.stack("velocities").astype(dtype))

@@ -73,7 +73,7 @@ def velocities(sim: "Simulation", path: str | None, world: int, device: bool):
 def poses(sim: "Simulation", path: str | None, world: int) -> dict[str, np.ndarray]:
     """Local-to-world transforms (4, 4) [m] by path, as `Simulation.poses` has them."""
     found = {c.path: c.motion.at(sim.time) for c in sim.scene.colliders if path in (None, c.path)}
-    if (rigid := sim.plan.find("bodies")) is not None:
+    if (rigid := sim.plan.ports.bodies) is not None:
         found |= {body.path: M for (body, of), M in zip(rigid.bodies, rigid.poses(), strict=True)
                   if of == world and path in (None, body.path)}
     if path is not None and path not in found or not 0 <= world < sim.worlds:

@@ -156,12 +156,12 @@ def begin_again(sim: Simulation, worlds: set[int], held: bool = False) -> None:
                     scale = sim.plan.clock.h if f.name == "s" else 1.0
                     now[rows] = 0.0 * first if still else scale * first if scale != 1.0 else first
             part.arrays[f.name].assign(now)
-    points = sim.plan.find("points")
+    points = sim.plan.ports.points
     if points is not None:
-        points.hold(one.plan.find("points").constants.w.numpy(), worlds, held)
-    bodies, first = sim.plan.find("bodies"), one.plan.find("bodies")
-    if bodies is not None and {m.mass for m in bodies.masses} != {m.mass for m in first.masses}:
-        for (body, _), v, w in zip(first.bodies, first.velocities(), first.spins(), strict=True):
+        points.hold(one.plan.ports.points.constants.w.numpy(), worlds, held)
+    bodies, alone = sim.plan.ports.bodies, one.plan.ports.bodies
+    if bodies is not None and {m.mass for m in bodies.masses} != {m.mass for m in alone.masses}:
+        for (body, _), v, w in zip(alone.bodies, alone.velocities(), alone.spins(), strict=True):
             for name, value in (("velocity", 0.0 * v if held else v), ("spin", 0.0 * w if held else w)):
                 for world in worlds:                          # momenta at the start are those of the scene's masses
                     bodies.set(body.path, name, value, world)
@@ -199,7 +199,7 @@ def _refine(sim: Simulation, part: str, row: int) -> None:
     clock = sim.plan.clock
     path, where = author(sim.plan, part, row)
     if clock.substeps >= 16 * sim.plan.choice.substeps:
-        least = sim.plan.find("least")
+        least = sim.plan.ports.stable_substeps
         hint = f", or name a solver without a limit ({sim.plan.integrator} needs {least()} substeps at rest, more where the " \
                "shape is far from it)" if least else ""
         said = first(sim.plan, sim.time)
@@ -262,7 +262,7 @@ def _others(state: State) -> list[Part]:
 def keep_stable(sim: Simulation, name: str, thing=None, path: str = "", value=None, world: int | None = None) -> None:
     """Explicit steps follow a live parameter that makes the scene stiffer, and begin anew: leapfrog's velocity is that of half
     a step before. thing .. world: what was set to what, where that is known."""
-    stable, clock = sim.plan.find("least"), sim.plan.clock
+    stable, clock = sim.plan.ports.stable_substeps, sim.plan.clock
     if stable is None or not stiffens(name):
         return
     if sim.headroom is None:

@@ -92,7 +92,7 @@ class Simulation:
                                         gradients=self.gradients, fps=self.fps)
         except RuntimeError as error:
             raise retry.refused(error, self.device) from None
-        self.model, self.state, start = self.plan.model, self.plan.state, self.plan.methods.every("start")
+        self.model, self.state, start = self.plan.model, self.plan.state, self.plan.ports.start_warnings
         self.warnings += [w for w in (*map(str, start), *duration.long(self.plan, self.fps)) if w not in self.warnings]
         self.milliseconds: list[float] = []
         retry.settle(self)

@@ -84,14 +84,14 @@ def _ends(thing: Varying, scene: Scene) -> tuple:
 
 def by_frames(sim: Simulation) -> list:
     """The values that a frame has one of."""
-    within = sim.plan.find("aims") or ()
+    within = sim.plan.ports.drive_targets or ()
     return [thing for thing in sim.scene.varying if (thing.path, thing.name) not in within]
 
 
 def settle(sim: Simulation) -> None:
     """Takes the substeps that the stiffest of the values need, of an explicit integrator: then every frame of a run, and of one
     that goes on in its middle, has as many."""
-    for thing in by_frames(sim) if sim.plan.find("least") else ():
+    for thing in by_frames(sim) if sim.plan.ports.stable_substeps else ():
         least, most = _ends(thing, sim.scene)
         _put(sim, thing.path, thing.name, least if thing.name == "density" else most)
     follow(sim)

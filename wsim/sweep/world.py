@@ -42,7 +42,7 @@ def worlds_of(sim: "Simulation") -> list[World]:
     if sim.scene.others or not sim.model.bodies:
         state = {path: sim.fields(path) for path in sim.state.paths()}
         return [World(sim.indicators(), list(sim.warnings), digest([sorted(state[p].items()) for p in sorted(state)]))]
-    s, model, points = sim.state, sim.model, sim.plan.find("points")
+    s, model, points = sim.state, sim.model, sim.plan.ports.points
     x, e, v = (a.numpy() for a in (s.x, s.e, s.v))
     free, gravity = points.constants.w.numpy() > 0.0, points.gravity().astype(np.float64)
     masses = model.stack("masses")

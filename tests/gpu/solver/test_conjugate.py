@@ -38,7 +38,7 @@ def two():
 def end(make, device: str, precision: str, frames: int = 12):
     sim = Simulation(make(), device=device, precision=precision)
     sim.run(frames)
-    return sim.state.x.numpy(), sim.plan.find("assembly").system
+    return sim.state.x.numpy(), sim.plan.ports.newton_assembly.system
 
 
 @pytest.mark.parametrize("make", [held, dropped, two])
@@ -57,7 +57,7 @@ def test_a_cluster_finds_what_a_cpu_and_one_block_find(make, precision, apart, m
 def test_one_solve_is_that_of_numpy(precision):
     sim = Simulation(two(), device="cuda:0", precision=precision)
     sim.run(2)
-    own, n = sim.plan.find("assembly"), sim.model.points
+    own, n = sim.plan.ports.newton_assembly, sim.model.points
     own.linearise(120.0)
     own.solve(own.f, 1e-6, 1000)
     first, column = own.rows.pair.numpy(), own.rows.column.numpy()

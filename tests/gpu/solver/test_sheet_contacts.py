@@ -108,7 +108,7 @@ def run(scene: Scene, frames: int = 4):
     sim = wsim.Simulation(scene, device="cuda:0")
     for _ in range(frames):
         sim.step()
-    contacts = sim.plan.find("contacts")
+    contacts = sim.plan.ports.contacts
     return sim, sim.state.x.numpy(), sim.state.v.numpy(), contacts.impulses(sim.plan.clock.g), contacts.mark.numpy()
 
 
@@ -119,13 +119,13 @@ def test_one_launch_meets_colliders_as_launch_by_launch(name, blocks, monkeypatc
     frames = FRAMES.get(name, 4)
     sim, x, v, impulses, mark = run(SCENES[name](), frames)
     taken = {"contact"} | {"tied": {"soft pins", "xpbd"}, "lifted": {"loads"}}.get(name, set())
-    assert sim.plan.method("explicit").taken == taken and sim.plan.find("gather").cluster.size == BLOCKS[blocks]
+    assert sim.plan.method("explicit").taken == taken and sim.plan.ports.force_gather.cluster.size == BLOCKS[blocks]
     _, again, rate, more, _ = run(SCENES[name](), frames)
     assert np.array_equal(x, again) and np.array_equal(v, rate)
     assert all(np.array_equal(impulses[path], more[path]) for path in impulses)
     monkeypatch.setattr(Launches, "fuses", False)
     other, apart, v_apart, given, marked = run(SCENES[name](), frames)
-    assert other.plan.find("gather").cluster is None and sim.forms == other.forms
+    assert other.plan.ports.force_gather.cluster is None and sim.forms == other.forms
     assert np.abs(x - apart).max() < ROUNDING and np.abs(v).max() > 0.1
     assert np.abs(v - v_apart).max() < 2e-3 * np.abs(v_apart).max()
     assert (mark != marked).mean() < 0.02 and (name in ("thrown", "within") or (marked & 1).any())
@@ -153,7 +153,7 @@ def test_air_and_contacts_in_one_launch(monkeypatch):
         for fuses in (None, False):
             monkeypatch.setattr(Launches, "fuses", fuses)
             sim, x, *_ = run(replace(blown(), substeps=substeps))
-            assert (sim.plan.find("gather").cluster is None) == (fuses is False)
+            assert (sim.plan.ports.force_gather.cluster is None) == (fuses is False)
             found.append(x)
         apart.append(np.abs(found[0] - found[1]).max())
     assert 2.0 * apart[1] < apart[0] < 0.01
@@ -169,7 +169,7 @@ def boxed() -> Scene:
 def test_what_edges_meet_is_launched_substep_by_substep_and_priced_so(form):
     """A launch that takes many substeps would leave the contacts of edges out."""
     sim, x, *_ = run(form(), 2)
-    assert not sim.plan.method("explicit").taken and sim.plan.find("contacts").edges and np.isfinite(x).all()
+    assert not sim.plan.method("explicit").taken and sim.plan.ports.contacts.edges and np.isfinite(x).all()
     assert not cost.marched(sim.model, {"membrane"})
 
 

@@ -54,7 +54,7 @@ def end(scene: Scene, frames: int = 4):
     sim = wsim.Simulation(scene, device="cuda:0")
     for _ in range(frames):
         sim.step()
-    return sim.state.x.numpy(), sim.state.v.numpy(), sim.plan.find("gather")
+    return sim.state.x.numpy(), sim.state.v.numpy(), sim.plan.ports.force_gather
 
 
 def moves_alike(make, blocks: int, rounding: float, monkeypatch) -> None:
@@ -92,7 +92,7 @@ def test_loads_of_the_next_frame_are_those_that_are_set():
         each.set("/push", "force", Curve([0.0, 0.2], [[0.0, 0.02, 0.0], [0.0, 0.02, -0.02]]))
         each.set("/falls", "gravity", [0.0, 1.0, 0.0])
         each.step()
-    assert sim.plan.method("explicit").taken == {"loads"} and want.plan.find("gather").cluster is None
+    assert sim.plan.method("explicit").taken == {"loads"} and want.plan.ports.force_gather.cluster is None
     assert np.abs(sim.state.x.numpy() - want.state.x.numpy()).max() < ROUNDING
 
 
@@ -106,7 +106,7 @@ def test_pins_that_the_gpu_takes_go_where_the_host_takes_them():
     scene.pin("/stays", "/folded", range(280, 300))
     scene.pins[0].motion = Motion([0.0, 0.5], [np.eye(4), turn])
     sim = wsim.Simulation(scene, device="cuda:0")
-    pins = sim.plan.find("pins")
+    pins = sim.plan.ports.pins
     for k in range(4):
         if k == 2:
             sim.set("/hand", "motion", Motion([0.0, 0.5], [np.eye(4), other]))

@@ -75,12 +75,12 @@ def thrown() -> Scene:
 def test_colliders_are_met_as_launch_by_launch(made, blocks, monkeypatch):
     monkeypatch.setattr(domains, "blocks_of", lambda *given: [BLOCKS[blocks]])
     sim, x, v, impulses, mark = run(made(), 6)
-    assert sim.plan.method("explicit").taken == {"contact"} and sim.plan.find("gather").cluster.size == BLOCKS[blocks]
+    assert sim.plan.method("explicit").taken == {"contact"} and sim.plan.ports.force_gather.cluster.size == BLOCKS[blocks]
     _, again, rate, *_ = run(made(), 6)
     assert np.array_equal(x, again) and np.array_equal(v, rate)
     monkeypatch.setattr(Launches, "fuses", False)
     other, apart, _, given, marked = run(made(), 6)
-    assert other.plan.find("gather").cluster is None and sim.forms == other.forms and (sim.forms["met"] or made is thrown)
+    assert other.plan.ports.force_gather.cluster is None and sim.forms == other.forms and (sim.forms["met"] or made is thrown)
     assert np.abs(x - apart).max() < 5 * ROUNDING and np.abs(v).max() > 0.01
     for path, J in given.items():
         assert np.linalg.norm(impulses[path] - J) <= 0.02 * max(np.linalg.norm(J) for J in given.values())
@@ -105,10 +105,10 @@ def test_a_free_body_keeps_momentum_and_errs_by_the_square_of_the_step(material)
     errors = []
     for substeps in (100, 200):
         sim = wsim.Simulation(free(material, substeps), device="cuda:0")
-        w = sim.plan.find("constants").w.numpy()[:, None]
+        w = sim.plan.ports.constants.w.numpy()[:, None]
         before = (sim.state.v.numpy().astype(np.float64) / w, np.cross(sim.state.x.numpy(), sim.state.v.numpy()) / w)
         sim.step()
-        assert sim.plan.find("gather").cluster is not None
+        assert sim.plan.ports.force_gather.cluster is not None
         x, v = (a.numpy().astype(np.float64) for a in (sim.state.x, sim.state.v))
         size = np.abs(v / w).sum()
         assert np.abs((v / w - before[0]).sum(axis=0)).max() < 1e-6 * size
@@ -151,7 +151,7 @@ def test_poses_of_a_collider_at_many_substeps_are_those_of_a_cpu():
         scene.substeps = 120
         sim = wsim.Simulation(scene, device=device)
         sim.step()
-        contacts = sim.plan.find("contacts")
+        contacts = sim.plan.ports.contacts
         assert contacts.poses.many.tolist() == [0]
         poses.append(contacts.table.of.pose.numpy())
     assert poses[0].shape == (121, 1, 7) and np.abs(poses[0] - poses[1]).max() < 1e-6

@@ -65,7 +65,7 @@ def test_pins_and_meshes_are_where_the_bodies_have_taken_the_joints(solver, meth
     for _ in range(4):
         sim.step()
         x = seen(sim, skin)
-        (mesh,) = sim.plan.find("contacts").meshes.values()
+        (mesh,) = sim.plan.ports.contacts.meshes.values()
         track = skin.skeleton.motion.points(mesh.device["track"].numpy()[-1].astype(np.float64))
         np.testing.assert_allclose(track, x, atol=3e-7)
         follow = scene.pins[0].follows

@@ -49,7 +49,7 @@ def pinned() -> list:
         places = np.column_stack([rng.uniform(0.1, 0.4, (3, 2)), [0.0, 0.02, -0.01]])
         scene.pins.append(Pin(f"/hung{k}", "/b", range(3 * k, 3 * k + 3), follows=Follow(
             skinned, np.array([[0, 1, 4], [4, 5, 1], [5, 6, 7]]), places)))
-    return Simulation(scene, device="cpu").plan.find("pins").groups["hard"]
+    return Simulation(scene, device="cpu").plan.ports.pins.groups["hard"]
 
 
 @pytest.mark.parametrize("real, most", [(wp.float32, 2e-7), (wp.float64, 1e-12)])
@@ -110,7 +110,7 @@ def test_a_pin_that_is_set_goes_where_it_is_told_from_the_next_frame_on():
     for name, points in (("/set", [0, 1]), ("/other", [12, 13])):
         scene.pin(name, "/cloth", points, motion=turning(0))
     sim = Simulation(scene, device="cpu")
-    pins = sim.plan.find("pins").groups["hard"]
+    pins = sim.plan.ports.pins.groups["hard"]
     for motion in (None, Motion.at_place((0.0, 0.1, 0.0)), np.eye(4), turning(2), Motion.at_place((0.2, 0.0, 0.0)), None):
         if motion is not None:
             sim.set("/set", "motion", motion)

@@ -22,7 +22,7 @@ FAST = "CesiumMan.usdz", "float32"
 
 def track(sim) -> tuple[np.ndarray, np.ndarray]:
     """World points of the one mesh at the substeps of the last frame, (times, n, 3), and the times [s]."""
-    contacts = sim.plan.find("contacts")
+    contacts = sim.plan.ports.contacts
     (mesh,) = contacts.meshes.values()
     found = mesh.device["track"].numpy().astype(np.float64)
     times = contacts.time + np.arange(len(found)) * contacts.dt / (len(found) - 1)
@@ -130,7 +130,7 @@ def test_skeletons_of_a_scene_are_evaluated_together_and_each_moves_its_own_mesh
     scene.collider("/other/body", Surface(second.at(0.0), counts, indices, poses=second))
     sim = wsim.Simulation(scene, device="cpu", precision="float64")
     sim.step()
-    contacts = sim.plan.find("contacts")
+    contacts = sim.plan.ports.contacts
     times = np.arange(contacts.substeps + 1) * contacts.dt / contacts.substeps
     for mesh in contacts.meshes.values():
         np.testing.assert_allclose(mesh.device["track"].numpy(), mesh.surface.poses.over(times), atol=1e-6)
@@ -142,7 +142,7 @@ def test_bounding_balls_hold_the_points_of_every_substep_and_strides_their_ways(
     skinned = skin(rng, bones(rng), points)
     sim = wsim.Simulation(scene_of(skinned, counts, indices), device="cpu")
     sim.step()
-    contacts = sim.plan.find("contacts")
+    contacts = sim.plan.ports.contacts
     ball, stride = contacts.table.ball.numpy()[:, 0], contacts.table.stride.numpy()[:, 0]
     x, _ = track(sim)
     x = x - contacts.rows.origin[0]
@@ -234,11 +234,11 @@ def test_meshes_that_points_are_known_to_be_far_from_change_no_bit(monkeypatch, 
         for frame in range(4):
             before = sim.fields("/sheet")
             sim.step()
-            touched += int(sim.plan.find("contacts").slots.count.numpy().sum())
+            touched += int(sim.plan.ports.contacts.slots.count.numpy().sum())
             if frame == 2:
                 sim.restart(2, {"/sheet": before})
                 sim.step()
             kept.append(sim.positions("/sheet"))
         found.append(kept)
-        assert touched > 0 and sim.plan.find("contacts").cleared == cleared
+        assert touched > 0 and sim.plan.ports.contacts.cleared == cleared
     assert np.array_equal(found[0], found[1])

@@ -73,7 +73,7 @@ def test_a_sheet_at_rest_has_its_whole_weight(solver, integrator):
 def test_an_explicit_drag_of_0_stays_0_and_nothing_of_the_air_is_planned():
     scene = sheet((0.0, 3.0, 0.0), material=fabric("silk"), drag=0.0)
     sim = Simulation(scene, device="cpu", precision="float64")
-    assert sim.plan.find("wind") is None and not scene.cloths[0].feels_air
+    assert sim.plan.ports.wind is None and not scene.cloths[0].feels_air
     sim.run(10)
     np.testing.assert_allclose(sim.velocities("/cloth")[:, 1], 3.0, rtol=1e-9)
 

@@ -179,7 +179,7 @@ def test_a_run_is_that_of_searches_in_every_substep(monkeypatch):
         sim.run(6)
         return sim
     sim = run()
-    x, v, lists = sim.state.x.numpy(), sim.state.v.numpy(), sim.plan.methods.find("contacts").points
+    x, v, lists = sim.state.x.numpy(), sim.state.v.numpy(), sim.plan.ports.contacts.points
     assert lists.every > 0 and lists.room > 2 and np.abs(v - v.mean(axis=0)).max() > 0.5
     assert np.array_equal(x[:64], x[64:])
     sim.reset()
@@ -188,8 +188,8 @@ def test_a_run_is_that_of_searches_in_every_substep(monkeypatch):
     with monkeypatch.context() as m:
         m.setattr(broad, "listed", lambda *_: None)
         whole = run()
-    assert whole.plan.methods.find("contacts").points.every == 0
+    assert whole.plan.ports.contacts.points.every == 0
     np.testing.assert_allclose(whole.state.x.numpy(), x, rtol=0.0, atol=1e-6)
     monkeypatch.setattr(broad, "ROOM", 2)
     small = run()
-    assert small.plan.methods.find("contacts").points.room > 2 and np.array_equal(small.state.x.numpy(), x)
+    assert small.plan.ports.contacts.points.room > 2 and np.array_equal(small.state.x.numpy(), x)

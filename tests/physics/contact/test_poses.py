@@ -262,7 +262,7 @@ def test_a_collider_that_moves_far_away_has_no_poses(kind, shape, monkeypatch):
     assert not asked and sim.forms == {"free": 9, "met": 0, "repeated": 0} and np.array_equal(state(sim), state(alone))
     met.run(9)
     assert sim.indicators()["penetration"] == 0.0 and len(asked) == 9 + 1
-    for a, b in zip(*(placed(each.plan.find("contacts")) for each in (sim, met)), strict=True):
+    for a, b in zip(*(placed(each.plan.ports.contacts) for each in (sim, met)), strict=True):
         assert np.array_equal(a.numpy(), b.numpy())
 
 

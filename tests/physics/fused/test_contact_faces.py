@@ -62,7 +62,7 @@ def frames(kinds, real, shared: int):
 def test_threads_that_share_faces_find_the_contacts_of_one_that_tries_all(name, room):
     sim = wsim.Simulation(scene(name), device="cpu", precision="float64")
     sim.step()
-    c, random = sim.plan.find("contacts"), np.random.default_rng(0)
+    c, random = sim.plan.ports.contacts, np.random.default_rng(0)
     assert c.points.every > 0
     c.points.room = room or c.points.room
     n = sim.state.x.shape[0]

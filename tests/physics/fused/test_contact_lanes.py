@@ -63,7 +63,7 @@ def frames(kinds, real, by_lanes: bool):
 def test_threads_that_try_a_collider_each_find_the_contacts_of_one_that_tries_all(name, width):
     sim = wsim.Simulation(scene(SHAPES[name], width), device="cpu", precision="float64")
     sim.step()
-    c, real, random = sim.plan.find("contacts"), wp.float64, np.random.default_rng(0)
+    c, real, random = sim.plan.ports.contacts, wp.float64, np.random.default_rng(0)
     n = sim.state.x.shape[0]
     x = random.uniform(-0.35, 0.35, (n, 3))                                     # some begin within
     v = random.normal(size=(n, 3)) - 16.0 * x

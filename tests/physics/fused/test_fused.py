@@ -234,6 +234,6 @@ def test_colliders_that_a_tree_finds_are_launched_substep_by_substep(monkeypatch
         sim = wsim.Simulation(many(), device="cpu")
         for _ in range(4):
             sim.step()
-        assert (sim.model.fuser is None) == (most < 10**9) and (sim.plan.find("contacts").mark.numpy() & 1).any()
+        assert (sim.model.fuser is None) == (most < 10**9) and (sim.plan.ports.contacts.mark.numpy() & 1).any()
         found.append(sim.state.x.numpy())
     assert np.array_equal(*found)

@@ -96,6 +96,6 @@ def test_targets_of_many_times_are_those_of_one_after_the_other_to_the_bit(turns
     scene = Scene()
     cloth = scene.cloth("/cloth", *shapes.sheet(0.4, 0.3, 5, 4))
     scene.pin("/hand", cloth, range(7), motion=Motion([0.0, 0.3, 1.0], M))
-    (pin,) = Simulation(scene, device="cpu").plan.find("pins").groups["hard"]
+    (pin,) = Simulation(scene, device="cpu").plan.ports.pins.groups["hard"]
     times = np.linspace(-0.1, 1.1, 61)
     assert np.array_equal(pin.table(times), np.stack([pin.targets(t) for t in times])) and np.ptp(pin.table(times)[:, 0]) > 0.1

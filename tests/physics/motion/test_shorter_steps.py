@@ -40,7 +40,7 @@ def bdf2(frames: list[int]) -> np.ndarray:
 
 def shorten_once(sim: Simulation) -> None:
     """The next frame is repeated, as where a position is no number."""
-    method, said = sim.plan.find("points"), [Remedy("refine", part="points", row=0)]
+    method, said = sim.plan.ports.points, [Remedy("refine", part="points", row=0)]
     inner = method.retry
     method.retry = lambda status: [said.pop()] if said else inner(status)
 

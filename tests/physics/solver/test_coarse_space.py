@@ -177,7 +177,7 @@ def test_worlds_do_not_mix_and_end_where_they_do_without(monkeypatch):
 def test_the_plan_says_what_was_chosen_and_why(monkeypatch):
     def chosen():
         sim = Simulation(bar(), device="cpu", precision="float64")
-        return next(r["what"] for r in sim.plan.table() if r["name"] == "newton"), sim.plan.find("assembly").system.coarse
+        return next(r["what"] for r in sim.plan.table() if r["name"] == "newton"), sim.plan.ports.newton_assembly.system.coarse
     words, coarse = chosen()
     assert "multigrid, since a wave passes" in words and coarse
     monkeypatch.setitem(coarse_space.PAYS, "cpu", ((0, 1e3),))
@@ -195,7 +195,7 @@ def test_bodies_without_a_coarse_space_share_the_scene():
     found = [Simulation(scene, device="cpu", precision="float64") for scene in (alone, beside)]
     for sim in found:
         sim.run(2)
-    assert len(found[1].plan.find("assembly").system.coarse.levels) > 1
+    assert len(found[1].plan.ports.newton_assembly.system.coarse.levels) > 1
     assert np.array_equal(found[0].positions("/bar"), found[1].positions("/bar"))
     fall = -0.5 * 9.81 * (1 / 60)**2 * 3.0                     # backward Euler: h^2 g (1 + 2), nothing holds the sheet
     drop = found[1].positions("/sheet") - beside.cloths[0].points

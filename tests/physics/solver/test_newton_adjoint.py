@@ -17,7 +17,7 @@ class Probe:
         self.sim = Simulation(scene, **(DOUBLE | more))
         self.sim.model.load()
         self.sim.plan.before_frame(0.0)
-        self.m, self.clock = self.sim.plan.find("assembly"), self.sim.plan.clock
+        self.m, self.clock = self.sim.plan.ports.newton_assembly, self.sim.plan.clock
         self.method = self.sim.plan.method("implicit")
         self.rate, self.n = 1.0 / self.clock.g, self.sim.model.points
         points = self.sim.plan.method("points")
@@ -168,7 +168,7 @@ def test_several_blocks_a_body_do_the_same_as_one(monkeypatch, worlds):
             monkeypatch.setitem(linear.FUSE, "cpu", 0)
             monkeypatch.setattr(linear, "BLOCK", 3)                          # points of a chunk
         sim = Simulation(scene, worlds=worlds, **DOUBLE)
-        assert sim.plan.find("assembly").system.large == several
+        assert sim.plan.ports.newton_assembly.system.large == several
         sim.run(4)
         ends.append(sim.positions("/cloth", worlds - 1))
         counted = sim.indicators()["pcg_iterations"]

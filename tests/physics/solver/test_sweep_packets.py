@@ -22,7 +22,7 @@ def shaken(monkeypatch, packed: bool, precision: str, uneven: float = 0.0, world
     scene.pin("/pin", "/cloth", [0, 10])
     sim = Simulation(scene, device="cpu", precision=precision, worlds=worlds)
     sim.run(2)
-    assert {b.kind: b.packed for b in sim.plan.methods.every("batches")} == {"membrane": packed, "dihedral": packed}
+    assert {b.kind: b.packed for b in sim.plan.ports.xpbd_batches} == {"membrane": packed, "dihedral": packed}
     return sim
 
 

@@ -40,7 +40,7 @@ def scene(*things, **more) -> Scene:
 
 def works(sim: Simulation, frames: int) -> float:
     """Work of all frames [J] as the balance has it."""
-    balance, total = sim.plan.find("balance"), 0.0
+    balance, total = sim.plan.ports.balance, 0.0
     for _ in sim.frames(frames):
         total += balance.found()["work"]
     return total
@@ -83,8 +83,8 @@ def test_a_turntable_and_a_belt_drag_what_lies_on_them_without_a_warning(precisi
     sim = Simulation(scene(table, belt, body("/box", (0.4, 0.0, 0.2)), body("/other", (0.0, 3.0, 0.2))), precision=precision,
                      **CPU)
     sim.run(60)
-    assert np.linalg.norm(sim.plan.find("bodies").velocities()[1]) == pytest.approx(2.0, rel=1e-2)
-    assert sim.plan.find("balance").ledger.most.numpy()[0] > 2.0 and not sim.warnings
+    assert np.linalg.norm(sim.plan.ports.bodies.velocities()[1]) == pytest.approx(2.0, rel=1e-2)
+    assert sim.plan.ports.balance.ledger.most.numpy()[0] > 2.0 and not sim.warnings
 
 
 def test_a_box_that_a_paddle_hits_has_the_energy_of_the_blow():
@@ -92,7 +92,7 @@ def test_a_box_that_a_paddle_hits_has_the_energy_of_the_blow():
     wall = moving("/wall", Box((0.1, 1.0, 1.0)), lambda t: (-1.0 + 3.0 * t, 0.0, 0.0))
     sim = Simulation(scene(wall, body("/box", (0.0, 0.0, 0.0)), gravity=(0.0, 0.0, 0.0), fps=120.0), **CPU)
     total = works(sim, 60)
-    assert sim.plan.find("bodies").velocities()[0, 0] == pytest.approx(3.0, rel=1e-3)
+    assert sim.plan.ports.bodies.velocities()[0, 0] == pytest.approx(3.0, rel=1e-3)
     assert total == pytest.approx(1.01 * 9.0, rel=1e-2) and not sim.warnings          # a hundredth more: it is a bound
 
 
@@ -108,14 +108,14 @@ def test_a_motor_gives_what_its_torque_does():
     """c (w - w') from rest to w = 5 rad/s: the work is torque times w, I w^2 in all, half of which is kept."""
     sim = Simulation(motor(damping=1.0, speed=5.0), **CPU)
     assert works(sim, 90) == pytest.approx(1.01 * 0.1 * 25.0, rel=1e-2)
-    assert np.linalg.norm(sim.plan.find("bodies").spins()[0]) == pytest.approx(5.0, rel=1e-3) and not sim.warnings
+    assert np.linalg.norm(sim.plan.ports.bodies.spins()[0]) == pytest.approx(5.0, rel=1e-3) and not sim.warnings
 
 
 def test_a_spring_drive_that_swings_is_balanced():
     """Its energy is stored in the spring and comes back: no warning, and the rise is far below what turns over."""
     sim = Simulation(motor(stiffness=4.0, target=1.0), **CPU)
     sim.run(90)
-    assert sim.plan.find("balance").ledger.most.numpy()[0] == pytest.approx(2.0, rel=0.05)          # k / 2 of 1 rad
+    assert sim.plan.ports.balance.ledger.most.numpy()[0] == pytest.approx(2.0, rel=0.05)          # k / 2 of 1 rad
     assert sim.report(profile=False)["balance"]["rise"] < 0.01 and not sim.warnings
 
 
@@ -125,7 +125,7 @@ def test_a_spring_that_starts_stretched_stores_energy_from_the_start():
     slide = Joint("/slide", body1="/box", limits=all_locked("transX"), drives={"transX": Drive(stiffness=1e4)})
     sim = Simulation(scene(box, slide, gravity=(0.0, 0.0, 0.0)), **CPU)
     sim.run(5)
-    assert sim.plan.find("balance").report()["rise"] < 1e-4 and not sim.warnings
+    assert sim.plan.ports.balance.report()["rise"] < 1e-4 and not sim.warnings
 
 
 @pytest.mark.parametrize("make", ["bodies", "cloth", "implicit"])
@@ -150,13 +150,13 @@ def test_each_world_has_a_balance_of_its_own():
     sim = Simulation(scene(body("/box", (0, 0, 0), velocity=(3.0, 0.0, 0.0)), gravity=(0.0, 0.0, 0.0)), worlds=3, **CPU)
     kicked(sim, 1.02, world=1)
     sim.run(4)
-    assert "/box (world 1)" in gained(sim)[0] and (sim.plan.find("balance").ledger.rise.numpy()[[0, 2], 0] <= 1e-6).all()
+    assert "/box (world 1)" in gained(sim)[0] and (sim.plan.ports.balance.ledger.rise.numpy()[[0, 2], 0] <= 1e-6).all()
 
 
 def test_bodies_asleep_are_balanced():
     sim = Simulation(scene(Collider("/floor", Plane()), body("/box", (0, 0, 0.1)), sleep_speed=0.05), **CPU)
     sim.run(60)
-    assert sim.plan.find("bodies").part.arrays["asleep"].numpy().all() and not sim.warnings
+    assert sim.plan.ports.bodies.part.arrays["asleep"].numpy().all() and not sim.warnings
 
 
 def ball_under(**more) -> Scene:
@@ -175,7 +175,7 @@ def test_colliders_that_move_points_give_what_the_points_have(solver):
     said = sim.report(profile=False)["balance"]
     assert said["left_open"] == {} and said["rise"] < 0.01 and not sim.warnings and said["strained"] == (solver == "xpbd")
     wrong = Simulation(ball_under(solver=solver, **({"substeps": 60} if solver == "explicit" else {})), **CPU)
-    wrong.plan.find("balance").terms.each[-1] = lambda rows: rows.zero_()              # the ball's work is not counted
+    wrong.plan.ports.balance.terms.each[-1] = lambda rows: rows.zero_()              # the ball's work is not counted
     wrong.run(45)
     assert gained(wrong)
 
@@ -273,7 +273,7 @@ def test_a_restart_goes_on_with_the_raised_substeps_to_the_bit():
     assert again.plan.clock.substeps == through.plan.clock.substeps > Simulation(unnamed(), **CPU).plan.clock.substeps
     for name in "xeqopL":
         assert np.array_equal(*(s.state.parts["bodies"].arrays[name].numpy() for s in (again, through)))
-    assert again.plan.find("balance").rises == 2 and not again.repeats
+    assert again.plan.ports.balance.rises == 2 and not again.repeats
 
 
 def test_joints_that_gape_and_shapes_that_overlap_are_told_by_prim():

@@ -45,7 +45,7 @@ def stage(substeps, spin: float = 5.0 / 0.3, above: float = 0.0, lean: float = 0
 
 
 def passed(sim: Simulation) -> float:
-    return sim.plan.find("balance").figures.rolling.passed()[0]
+    return sim.plan.ports.balance.figures.rolling.passed()[0]
 
 
 def test_a_prism_that_rolls_takes_four_substeps_a_facet_and_says_so():

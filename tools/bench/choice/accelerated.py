@@ -51,9 +51,9 @@ class Accelerated:
         self.name, _, factor = how.partition(" ")
         self.factor = float(factor or 1.0)
         plan = self.plan = self.sim.plan
-        self.batches = plan.find("batches") if isinstance(plan.find("batches"), list) else plan.methods.every("batches")
+        self.batches = plan.ports.xpbd_batches if isinstance(plan.ports.xpbd_batches, list) else plan.ports.xpbd_batches
         self.kept = [np.zeros_like(b.lam.numpy()) for b in self.batches]
-        self.root = np.sqrt(np.where(plan.find("constants").w.numpy() > 0.0, plan.model.stack("masses"), 0.0))[:, None]
+        self.root = np.sqrt(np.where(plan.ports.constants.w.numpy() > 0.0, plan.model.stack("masses"), 0.0))[:, None]
         plan.substep = self.substep                        # type: ignore[method-assign]
 
     def substep(self, k: int | None = None) -> None:

@@ -74,7 +74,7 @@ def row(kind: str, side: int, blocks: list[int], frames: int) -> dict:
             domains.blocks_of = usual
         x = np.concatenate([sim.positions(b.path) for b in sim.model.bodies])
         first = x if first is None else first
-        if plan := sim.plan.find("gather").cluster:
+        if plan := sim.plan.ports.force_gather.cluster:
             found[many] = {"us": 1e3 * float(np.median(sim.milliseconds[2:])) / SUBSTEPS,
                            "difference": float(np.abs(x - first).max()), "threads": plan.threads}
     return {"kind": kind, "points": len(x), "blocks": found}

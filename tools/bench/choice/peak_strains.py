@@ -65,7 +65,7 @@ def peaks(sim: Simulation) -> tuple[list[float], float]:
 def reference(name: str) -> dict:
     """Strains of leapfrog of n and 2 n substeps."""
     explicit = replace(scene(name), solver="explicit", integrator="leapfrog", substeps=MANY)     # named: no slivers get mass
-    n = Simulation(explicit, device="cpu").plan.find("least")()
+    n = Simulation(explicit, device="cpu").plan.ports.stable_substeps()
     coarse, fine = (peaks(Simulation(replace(explicit, substeps=k * n), device="cpu"))[0] for k in (1, 2))
     return {"steps": [n, 2 * n], "coarse": coarse, "fine": fine}
 

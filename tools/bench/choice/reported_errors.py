@@ -63,7 +63,7 @@ def track(sim: Simulation, frames: int, cut: int = 1, bare: Simulation | None = 
 def reference(scene: Scene, frames: int) -> dict:
     """Tracks of leapfrog in float64 of n and 2 n substeps."""
     explicit = replace(scene, solver="explicit", integrator="leapfrog", substeps=MANY)   # named: with no mass added to slivers
-    least = Simulation(explicit, device="cpu", precision="float64").plan.find("least")()
+    least = Simulation(explicit, device="cpu", precision="float64").plan.ports.stable_substeps()
     n = max(2 * least, int(1.0 / scene.fps / COARSE))
     found: dict = {"n": n}
     for name, many in (("coarse", n), ("fine", 2 * n)):

@@ -48,7 +48,7 @@ def row(device: str, substeps: int, frames: int, integrator: str, domains: bool)
     solver.PAYS = dict.fromkeys(solver.PAYS, (0, 0.0) if domains else (10**9, 0.0))
     sim = Simulation(hung(substeps, integrator), device=device)
     sim.run(frames)
-    found, said = sim.plan.find("assembly"), sim.indicators()
+    found, said = sim.plan.ports.newton_assembly, sim.indicators()
     found.linearise(1.0 / sim.plan.clock.g)
     cells = [f"{substeps:3d}", "domains" if domains else "jacobi ", f"{1e3 * seconds(sim.step, 2):9.2f}"]
     found.linearise(1.0 / sim.plan.clock.g)

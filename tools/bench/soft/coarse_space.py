@@ -45,7 +45,7 @@ def row(sim: Simulation, cells: int, hertz: float) -> dict:
         start = time.perf_counter()
         sim.step()
         times.append(1e3 * (time.perf_counter() - start))
-    system, found = sim.plan.find("assembly").system, sim.indicators()
+    system, found = sim.plan.ports.newton_assembly.system, sim.indicators()
     body = sim.scene.softs[0]
     return {"tets": len(body.tets), "hertz": hertz, "coarse": bool(system.coarse), "ms": float(np.median(times[2:])),
             "iterations": int(found["pcg_iterations"]), "residual": found["residual"],
@@ -57,7 +57,7 @@ def row(sim: Simulation, cells: int, hertz: float) -> dict:
 
 def parts(sim: Simulation) -> dict[str, float]:
     """ms of each part of a solve, as it stands after the last step; one pass each."""
-    newton, model = sim.plan.find("assembly"), sim.model
+    newton, model = sim.plan.ports.newton_assembly, sim.model
     system, coarse, c = newton.system, newton.system.coarse, newton.system.chunks
     device, v, size = wp.get_device(str(model.device)), newton.v, newton.system.chunks.body.size
     c.done.zero_()

@@ -135,7 +135,7 @@ def strained(cells: int, device: str, precision: str) -> Simulation:
 def measure(cells: int, device: str, precision: str) -> dict[str, tuple[float, float, float]]:
     """(ms to set up, ms a product, largest relative difference) of each way."""
     sim = strained(cells, device, precision)
-    m, model, s = sim.plan.find("assembly"), sim.model, sim.state
+    m, model, s = sim.plan.ports.newton_assembly, sim.model, sim.state
     real, n, table, rate = model.real, model.points, m.solids[0], 1.0 / sim.plan.clock.g
     t, launch, on = types(real), model.launch, wp.get_device(device)
     z = model.upload(np.random.default_rng(2).normal(size=(n, 3)) * (m.rows.w.numpy() > 0.0)[:, None], t.vec3)

@@ -44,7 +44,7 @@ def row(cells: int, model: str, setting: tuple, device: str, frames: int) -> dic
     sim = Simulation(cube(cells, model, *setting), device=device)
     sim.step()
     first, times, iterations = time.perf_counter() - began, [], []
-    newton = sim.plan.find("assembly")
+    newton = sim.plan.ports.newton_assembly
     for _ in range(frames):
         start = time.perf_counter()
         sim.step()

@@ -43,7 +43,7 @@ class Whole(Input):
         fluids = self.recording.fluids
         if self.what == "wind" and not (p.air or fluids):
             raise refuse("wind", self.name)
-        points = p.plan.find("points")
+        points = p.plan.ports.points
         if fluids and not p.bodies and (points is None or self.what == "wind" and not p.air) and self.what != "air_drag":
             return getattr(fluids.method, self.what)[world].copy()
         if points is None and p.bodies and self.what == "gravity":
@@ -65,7 +65,7 @@ class Density(Input):
 
     def read(self, world: int = 0) -> np.ndarray:
         body = self.model.body(self.path, world)
-        density = self.sim.plan.find("densities").get(body.number) or density_of(body.source)
+        density = self.sim.plan.ports.densities.get(body.number) or density_of(body.source)
         if density is None:
             raise refuse("density", self.path)
         return np.array(density)
@@ -184,7 +184,7 @@ def _input(recording, name: str) -> Input:
 
 def stable(recording, names) -> None:
     """Raises SceneError where the values that were written want shorter explicit steps than were recorded."""
-    least, found = recording.plan.find("least"), recording.plan.clock.substeps
+    least, found = recording.plan.ports.stable_substeps, recording.plan.clock.substeps
     if least and any(stiffens(name.rpartition(":")[2]) for name in names) and (wanted := least()) > found:
         raise SceneError(Problem("substeps", f"found {found}; these values want {wanted}. Give the scene more substeps before "
                                  "it is recorded, or keep stiffness and damping below"))

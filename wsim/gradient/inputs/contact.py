@@ -19,7 +19,7 @@ class Touch(Input):
     def read(self, world: int = 0) -> np.ndarray:
         if (bodies := self.recording.bodies) and bodies.places(self.path, self.what, world):
             return np.asarray(bodies.now(self.path, self.what, world, []))
-        contacts, bounce = self.sim.plan.find("contacts"), self.sim.plan.find("bounce")
+        contacts, bounce = self.sim.plan.ports.contacts, self.sim.plan.ports.restitution
         objects = [k for k, b in enumerate(self.model.bodies) if b.world == world]
         rows = contacts.rows.of(self.path, objects) if contacts else []
         if not rows and (self.what not in FRICTION or not contacts or self.path not in [b.path for b in self.model.bodies]):
@@ -65,7 +65,7 @@ class Shift(Input):
     shared = True
 
     def collider(self):
-        return next(c for c in self.sim.plan.find("contacts").rows.colliders if c.path == self.path)
+        return next(c for c in self.sim.plan.ports.contacts.rows.colliders if c.path == self.path)
 
     def read(self, world: int = 0) -> np.ndarray:
         motion, r = self.collider().motion, self.recording
@@ -81,7 +81,7 @@ class Shift(Input):
     def put(self, value: np.ndarray, world: int) -> None:
         motion = self.collider().motion
         own = motion.own if isinstance(motion, Shifted) else motion
-        self.sim.plan.find("contacts").move(
+        self.sim.plan.ports.contacts.move(
             self.path, Shifted(own, value.copy(), self.recording.start, self.sim.scene.fps))
 
     def scale(self) -> float:

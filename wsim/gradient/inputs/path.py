@@ -94,7 +94,7 @@ class Path(Input):
     def motion(self, world: int = 0) -> Motion:
         """Raises SceneError for what is no motion by keys."""
         if self.shared:
-            found = next(c for c in self.sim.plan.find("contacts").rows.colliders if c.path == self.path).motion
+            found = next(c for c in self.sim.plan.ports.contacts.rows.colliders if c.path == self.path).motion
         else:
             found = self.pin(world).motion
         if not isinstance(found, Motion) or not hasattr(found, "path") or found.kind == "stack":
@@ -132,7 +132,7 @@ class Path(Input):
         except ValueError as wrong:
             raise SceneError(Problem(self.name, f"{wrong}")) from None
         if self.shared:
-            self.sim.plan.find("contacts").move(self.path, new)
+            self.sim.plan.ports.contacts.move(self.path, new)
         else:
             self.pin(world).motion = new
             self.recording.parameters.pins.changed = True

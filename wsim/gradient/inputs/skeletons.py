@@ -27,7 +27,7 @@ class Bones(Input):
     def __init__(self, recording, name: str):
         super().__init__(recording, name)
         self.given = named(self.sim.scene, self.path)
-        self.method = self.sim.plan.find("bones")
+        self.method = self.sim.plan.ports.bones
         self.pins = recording.parameters.pins
         self.followers = [p for group in (self.pins.groups.values() if self.pins else ()) for p in group
                           if p.pin.follows is not None and p.pin.follows.skin.skeleton is self.given]

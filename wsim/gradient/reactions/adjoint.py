@@ -95,7 +95,7 @@ class ReactionAdjoint(Reactions):
                 np.add.at(by_x, h.places, -h.pin.part * h.pin.pin.stiffness * r)
                 np.add.at(by_v, h.places, -h.pin.part * h.pin.pin.damping * r)
                 self.soft(h, r)
-        loads: Any = self.plan.find("loads")
+        loads: Any = self.plan.ports.loads
         if loads:
             by = loads.transposed(p, self.time)
             self.inertia.loads = [a + b for a, b in zip(self.inertia.loads, by, strict=True)] if self.inertia.loads else by

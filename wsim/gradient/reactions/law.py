@@ -27,9 +27,9 @@ class Law:
         module = model.module if self.beside else f"{model.module}_reactions"
         self.forces = Forces(model, self.pull, module)
         self.p = wp.zeros_like(self.forces.f)
-        muscles: Any = plan.find("muscles")
+        muscles: Any = plan.ports.muscles
         self.muscles = Contracted(muscles, self.pull) if muscles and self.pull.springs else None
-        self.blown = Blown(plan) if plan.find("wind") else None
+        self.blown = Blown(plan) if plan.ports.wind else None
         self.flowed = [Flowed(recording, t.plastic) for t in self.pull.tables if t.plastic]
         kernel_cache.load(module, model.device, model.block if model.device.is_cuda else None)
 
@@ -139,7 +139,7 @@ class Blown:
     """Forces of the air on triangles, in arrays of their own."""
 
     def __init__(self, plan):
-        self.model, self.air = plan.model, plan.find("wind")
+        self.model, self.air = plan.model, plan.ports.wind
         vec3, device = plan.state.x.dtype, self.model.device
 
         def over(count: int, dtype) -> wp.array:

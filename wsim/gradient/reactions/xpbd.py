@@ -25,9 +25,9 @@ class Beside:
     def __init__(self, plan: Plan):
         own = copy.copy(plan.model)
         own.module, own.modules, own.tables, own.tape = f"{own.module}_reactions{ADJOINT}", {}, {}, None
-        self.pull = ForceGather(own, plan.find("constants"), soft(plan.model), None, shared=False)
+        self.pull = ForceGather(own, plan.ports.constants, soft(plan.model), None, shared=False)
         self.elements = {e.kind: e for e in self.pull.elements if isinstance(e, Elements)}
-        self.batches = [b for b in plan.methods.every("batches") if not b.hard]
+        self.batches = [b for b in plan.ports.xpbd_batches if not b.hard]
 
     def arrays(self) -> list[wp.array]:
         """Arrays that get gradients."""

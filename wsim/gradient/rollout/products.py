@@ -271,13 +271,13 @@ def _parameters(sim: Simulation, copy: Simulation) -> None:
         if world in (None, 0) and name not in ("motion", "positions", "velocities"):
             for method in copy.plan.methods:
                 method.set(path, name, value, None)
-    pins, others = sim.plan.find("pins"), copy.plan.find("pins")
+    pins, others = sim.plan.ports.pins, copy.plan.ports.pins
     if pins and others:
         for kind, group in others.groups.items():
             own = {p.pin.path: p for p in pins.groups[kind]}
             for p in group:
                 p.motion = own[p.pin.path].motion
         others.changed = True
-    contacts = sim.plan.find("contacts")
+    contacts = sim.plan.ports.contacts
     for collider in contacts.rows.colliders if contacts else ():
-        copy.plan.find("contacts").move(collider.path, collider.motion)
+        copy.plan.ports.contacts.move(collider.path, collider.motion)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wsim.model.launches import LaunchList
-from wsim.model.stage import Clock, Method, Methods
+from wsim.model.stage import Clock, Method, Methods, Ports
 from wsim.physics.animation.objects import Skeleton, Skinned
 from wsim.physics.animation.skin import DrivenSkin, Skin
 from wsim.physics.animation.tables import Sampling, Tables
@@ -55,15 +55,15 @@ class Bones(Method):
         self.dressed: Any = None                         # `wsim.physics.animation.dressed.Dressed`
         self.now = 0.0                                   # [s] where the last frame ended
         self.bodies: Any = None                          # the method of rigid bodies, where they drive joints
-        self.offers = {"bones": self}
+        self.offers = Ports(bones=self)
 
     def meet(self, others: Methods) -> None:
-        self.bodies = others.find("bodies")
-        contacts = others.find("contacts")
+        self.bodies = others.ports.bodies
+        contacts = others.ports.contacts
         if self.followed:
             from wsim.physics.animation.dressed import Dressed
             self.dressed = Dressed(self, self.followed, self.bodies)
-            self.dressed.hold(others.find("pins"))
+            self.dressed.hold(others.ports.pins)
         for mesh in contacts.meshes.values() if contacts else ():
             if isinstance(mesh.surface.poses, Skinned):
                 driven = any(mesh.surface.poses.skeleton is bones for bones in self.followed)

@@ -11,7 +11,7 @@ from wsim.geometry import topology
 from wsim.kernels.cloth import air as kernels
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
-from wsim.model.stage import ByWorld, Clock, Method, Methods, Stage
+from wsim.model.stage import ByWorld, Clock, Method, Methods, Ports, Stage
 from wsim.model.state import State
 from wsim.model.structs import filled
 from wsim.scene import Cloth, Scene
@@ -27,8 +27,8 @@ def wants(scene: Scene) -> str:
 
 
 def build(b: Build) -> Aero:
-    taken = "aero" in (b.methods.find("taken") or ())
-    return Aero(b.model, b.state, b.methods.find("points"), taken, b.methods.find("half step"))
+    taken = "aero" in (b.ports.fused_effects or ())
+    return Aero(b.model, b.state, b.ports.points, taken, b.ports.half_step)
 
 
 class Aero(Method):
@@ -60,7 +60,7 @@ class Aero(Method):
                                 for fall in (0.0, float(points.integrator.g > 0.0)))
         self.force = wp.zeros(len(triangles), dtype=t.vec3, device=model.device)
         self.k = wp.zeros(len(triangles), dtype=t.scalar, device=model.device)
-        self.taken, self.offers = taken, {"air": self.air, "wind": self}
+        self.taken, self.offers = taken, Ports(air=self.air, wind=self)
         if taken:
             self.stages = list[Stage]()
             return
@@ -74,7 +74,7 @@ class Aero(Method):
 
     def meet(self, others: Methods) -> None:
         if self.taken:
-            others.find("gather").domains.meet(self.air)
+            others.ports.force_gather.domains.meet(self.air)
 
     def launch(self, clock: Clock) -> None:
         s, w, forces = self.state, self.constants.w, [self.force, self.k]

@@ -14,7 +14,7 @@ import warp as wp
 
 from wsim.kernels.cloth import muscle as kernels
 from wsim.model.model import Body, Model
-from wsim.model.stage import Clock, Method, Methods, Stage
+from wsim.model.stage import Clock, Method, Methods, Ports, Stage
 from wsim.model.vjp import beside
 from wsim.physics.cloth.constraints import Constraints
 from wsim.physics.cloth.kind import SPRINGS
@@ -87,7 +87,7 @@ class Muscles(Method):
                 last = self.muscles[-1].columns.stop
         self.groups, self.sites, self.changed, self.time = last, [], True, -clock.dt
         self.watch: Any = None               # how long edges may become
-        self.offers = {"muscles": self}
+        self.offers = Ports(muscles=self)
         self.contract = kernels.contract(model.real, model.module)
         self.make(clock)
 
@@ -108,13 +108,13 @@ class Muscles(Method):
 
     def meet(self, others: Methods) -> None:
         """Takes the springs of the method that solves for them, and who watches edges (`wsim.physics.motion.overstretch`)."""
-        self.watch = others.find("watch")
+        self.watch = others.ports.stretch_watch
         if self.watch:
             self.watch.follow(self.longest)
-        tables = others.find("spring tables")()
+        tables = others.ports.spring_tables()
         for table in tables:
             table.given(self.join(table.rows, table.length, table.entry))
-        forces = others.find("forces")
+        forces = others.ports.before_forces
         if forces is None:
             self.stage(len(tables[-1].entry))
         else:                                            # an explicit integrator asks for rows by itself

@@ -10,7 +10,7 @@ class ContactGradient:
     """Gradients of contacts of a plan; motions: of each frame."""
 
     def __init__(self, plan, motions: list):
-        contacts, bounce = plan.find("contacts"), plan.find("bounce")
+        contacts, bounce = plan.ports.contacts, plan.ports.restitution
         adjoint, rows, self.model = contacts.adjoint, contacts.rows, plan.model
         self.colliders, self.meshes = rows.colliders, rows.meshes
         self.by_friction, self.gap = adjoint.by_rows(adjoint.friction), adjoint.by_rows(adjoint.gap)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Methods, Ports, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.vjp import beside
 from wsim.physics.contact.contacts import Bodies, Contacts
@@ -34,21 +34,22 @@ def faces(body) -> np.ndarray:
 
 def build(b: Build) -> Contact:
     """Raises SceneError where a smoothed contact is wanted of Newton's method, and gradients of what has none."""
-    movers = b.methods.find("movers")
+    movers = b.ports.moving_bodies
     if b.scene.contact_width > 0.0 and movers is None and b.choice.solver == "implicit":
         raise SceneError(Problem("/", f"contact_width is {b.scene.contact_width:g} m, and Newton's method has hard contacts; "
                                  "set it to 0, or wsim:solver = explicit or xpbd"))
     if b.model.gradients and b.clock.integrator.beyond:
         from wsim.scene.values.coverage import refuse
         raise refuse("ends", b.scene.colliders[0].path, integrator=b.clock.integrator.name)
-    contact = Contact(b.model, b.state, b.methods.find("points"), b.status, b.clock, movers, b.edges)
-    if "contact" in (b.methods.find("taken") or ()):
+    contact = Contact(b.model, b.state, b.ports.points, b.status, b.clock, movers, b.edges)
+    if "contact" in (b.ports.fused_effects or ()):
         contact.stages.clear()                           # explicit steps know contacts themselves, see kernels/fused/contact.py
     if not b.edges and sharp.meets(b.scene):
-        contact.offers["start"] = [sharp.warn_of_gradients(b.scene) if b.model.gradients else sharp.warn_of_newton(b.scene)]
+        warn = sharp.warn_of_gradients if b.model.gradients else sharp.warn_of_newton
+        contact.offers.start_warnings = [warn(b.scene)]
     if b.free:
         from wsim.physics.contact.clearance import Clearance
-        contact.part(Clearance(contact, b.clock, bool(b.methods.find("whole frames"))))
+        contact.part(Clearance(contact, b.clock, bool(b.ports.whole_frames)))
     return contact
 
 
@@ -104,7 +105,7 @@ class Contact(Method):
         self.ends(clock)
         if movers:
             movers.join(self)
-        self.offers = {"contact": self, "contacts": self.contacts} | ({"bounce": self.bounce} if self.bounce else {})
+        self.offers = Ports(contact=self, contacts=self.contacts, restitution=self.bounce)
 
     def ends(self, clock: Clock) -> None:
         """Stages behind the last iteration, where a step goes on to its end, and where colliders throw back."""
@@ -215,13 +216,13 @@ class Contact(Method):
             self.bounce.meet(others)
         if self.prolonged:
             self.prolonged.meet(others)
-        terms, adjoint = others.find("terms"), others.find("adjoint")
-        surfaces = others.find("self-contact") is not None          # which Newton steps solve for, but beside strands
-        trailed = bool(others.every("batches") or surfaces and others.find("strands"))
+        terms, adjoint = others.ports.newton_terms, others.ports.solve_adjoint
+        surfaces = others.ports.self_contact is not None          # which Newton steps solve for, but beside strands
+        trailed = bool(others.ports.xpbd_batches or surfaces and others.ports.strands)
         if terms is None:
             return
         from wsim.physics.contact.newton.active_set import ActiveSet  # Newton steps hold contacts themselves
-        active = ActiveSet(others.find("assembly"), self.contacts)
+        active = ActiveSet(others.ports.newton_assembly, self.contacts)
         terms.append(active)
         self.within, self.trailed, self.press = True, trailed, active.press if trailed or surfaces else None
         if adjoint:

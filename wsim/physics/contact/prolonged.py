@@ -43,7 +43,7 @@ class Prolonged:
         self.rest = wp.zeros_like(self.contacts.push)
 
     def meet(self, others: Methods) -> None:
-        self.surfaces = others.find("self-contact") is not None
+        self.surfaces = others.ports.self_contact is not None
 
     def asked(self, clock: Clock) -> bool:
         return clock.integrator.beyond

@@ -60,10 +60,10 @@ class Bounce:
 
     def meet(self, others: Methods) -> None:
         """Takes what an explicit integrator predicts, and its last half kick."""
-        self.copies = others.find("copies")
+        self.copies = others.ports.predicted_copies
         if self.spare:
-            others.find("impacts").append(self.passed)
-        if (surfaces := others.find("self-contact")) is not None:
+            others.ports.before_half_kick.append(self.passed)
+        if (surfaces := others.ports.self_contact) is not None:
             self.surfaces = not surfaces.within
             if self.thrown is not None:
                 self.own, self.stand = wp.zeros_like(self.points.anchor), kernels.stand(self.model.real, self.model.module)

@@ -1,7 +1,7 @@
 """Fluids on the device: the parts "grid" (rows are cells), "grid x", "grid y" and "grid z" (rows are faces), of the fluids of
 every world one behind the other, and the steps of a frame (`wsim.physics.fluid.grid.domain`)."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -26,6 +26,9 @@ from wsim.scene import Problem, SceneError
 from wsim.scene.samples import Sample
 from wsim.scene.values.coverage import refuse
 
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
 NAMES = ("u", "v", "w")
 SCALARS = {"smoke": Field("smoke", "1", True, "of the air in a cell", "scalar"),
            "heat": Field("temperature", "K", True, "above the air around", "scalar")}
@@ -33,7 +36,7 @@ WORDS = {"solves": 2, "missed": 1, "steps": 2}
 SOURCE = ("smoke", "temperature", "expansion", "velocity", "strength", "place")
 
 
-def build(b) -> Method:
+def build(b: "Build") -> Method:
     return Fluids(b)
 
 
@@ -51,10 +54,10 @@ def reaching(fluid: Fluid, scene) -> list[Source]:
 class Fluids(Method):
     """`domains`: one for each fluid of each world."""
 
-    def __init__(self, b):
+    def __init__(self, b: "Build"):
         super().__init__("fluid")
-        self.model, self.scene, self.status, self.state, self.base = b.model, b.scene, b.status, b.state, b.clock.substeps
-        self.more = 1
+        self.model, self.scene, self.status, self.state = b.model, b.scene, b.status, b.state
+        self.base, self.more = b.clock.substeps, 1
         self.pairs = [(fluid, world) for world in range(b.model.worlds) for fluid in b.scene.things("Fluid")]
         memory.refuse([fluid for fluid, _ in self.pairs], b)
         self.layouts = [Layout.of(fluid) for fluid, _ in self.pairs]
@@ -71,10 +74,9 @@ class Fluids(Method):
         if any(fluid.margin > 0.0 for fluid, _ in self.pairs):
             b.status.reserve("fluid: reach", 6 * len(self.pairs))
         self.windows: dict[int, Any] = {}
-        self.rigid = None if b.model.gradients else b.methods.find("bodies")
+        self.rigid = None if b.model.gradients else b.ports.bodies
         self.domains = [self._domain(k) for k in range(len(self.pairs))]
-        self.settled, self.recorded = False, None
-        self.offers["fluids"] = self
+        self.settled, self.recorded, self.offers.fluids = False, None, self
         if b.model.gradients:
             for fluid in b.scene.things("Fluid"):
                 for name in ("layers", "margin", "conserve"):
@@ -83,15 +85,14 @@ class Fluids(Method):
                 if meets(fluid) and sheets(b.model):
                     raise refuse("walls", fluid.path, name=sheets(b.model)[0].path)
             from wsim.physics.fluid.recorded import Recorded
-            self.offers["recorded fluids"] = self.recorded = Recorded(self)
+            self.offers.recorded_fluids = self.recorded = Recorded(self)
         phase = "pose" if any(d.floating for d in self.domains) else "predict"     # before that of the bodies
         cells = sum(layout.cells for layout in self.layouts)
         how = sorted({"direct" if d.pressure.direct else "by multigrid" for d in self.domains})
         held = ' and '.join(SCALARS[name].name for name in self.carried[0])
-        where, part = f", {held} where there is some" if self.domains[0].tiles else "", ""
-        if self.windows:
-            from wsim.physics.fluid.window import stated
-            part = stated([*self.windows.values()])
+        where = f", {held} where there is some" if self.domains[0].tiles else ""
+        from wsim.physics.fluid.window import stated
+        part = stated([*self.windows.values()]) if self.windows else ""
         self.stages.append(Stage("fluids", phase, self.advance, sum(d.launches for d in self.domains),
                                  sum(p.bytes for p in self.parts.values()), "frame",
                                  f"{cells} cells{part}, {', '.join(sorted({f.advection for f, _ in self.pairs}))}, pressure "

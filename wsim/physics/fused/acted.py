@@ -39,13 +39,13 @@ class ActedFrames:
         """Takes what acts, before kernels are compiled."""
         taken, model, plan = self.method.taken, self.model, self.pull.cluster
         if "contact" in taken:
-            self.contact = others.find("contact")
+            self.contact = others.ports.contact
         if "soft pins" in taken:
-            self.pins = others.find("soft pins")
+            self.pins = others.ports.soft_pins
             first, item = incident(self.pins.place["soft"].numpy()[:, None], model.points)
             self.hold.first, self.hold.item = (model.upload(a.astype(np.int32), int) for a in (first, item))
         if "xpbd" in taken:
-            self.hold_back({batch.kind: batch for batch in others.find("batches")})
+            self.hold_back({batch.kind: batch for batch in others.ports.xpbd_batches})
         from wsim.kernels.fused.march import acted
         c = self.contact.contacts if self.contact else None
         acts = Acts(c.kinds if c else (), bool(c and c.meshes), bool(c and self.contact.bounce), bool(self.pins),

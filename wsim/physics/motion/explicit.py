@@ -20,7 +20,7 @@ from wsim.kernels.motion import explicit as kernels
 from wsim.kernels.motion import march_cpu
 from wsim.kernels.motion.threads import teams
 from wsim.model.model import Model
-from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Remedy, Stage
+from wsim.model.stage import THROWN, Clock, Method, Methods, Port, Ports, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Explicit:
-    found = Explicit(b.model, b.state, b.methods.find("points"), b.kept(soft=True), b.clock, b.taken or b.within,
-                     b.methods.find("hard pins"), b.free and bool(b.taken or not b.others_within) or b.alone)
+    found = Explicit(b.model, b.state, b.ports.points, b.kept(soft=True), b.clock, b.taken or b.within,
+                     b.ports.hard_pins, b.free and bool(b.taken or not b.others_within) or b.alone)
     return watched(found, b.choice.bears)
 
 
@@ -51,11 +51,10 @@ class Explicit(Method):
         super().__init__("explicit", by_world=not model.scene.softs)
         self.model, self.state, self.points, self.status = model, state, points, points.status
         self.integrator: Integrator = points.integrator
-        self.rows, self.pins = rows, pins
+        self.rows, self.pins, self.muscles = rows, pins, None         # type: Any, Any, Any    # muscles change rest lengths
         self.target = self.field = None       # of pins, as the net has it; (position, velocity) -> acceleration, of one's own
         self.forces = Port()          # called with a row of time tables before forces are evaluated: muscles, loads
         self.impacts = Port()         # called with `change` behind leapfrog's last half kick: restitution takes impacts out
-        self.muscles: Any = None      # change rest lengths over time
         self.staged: Any = import_module("wsim.kernels.motion.runge_kutta") if self.integrator.stages else None
         self.moving = self.at_once = self.free = None    # type: Any    # what a march works on, `OneLaunch`, `FreeFrames`
         self.columns = None if pins is None else pins.columns()
@@ -72,11 +71,12 @@ class Explicit(Method):
         looks = self.marches and not (self.steps or self.pull.sheets)           # at its edges, by itself
         self.watch = None if looks else Watch(model, state, self.status, explicit=True)
         self.stages += self.watch.stages if self.watch else []
-        self.offers = {"gather": self.pull, "rows": self.rows, "solids": self.solids, "spring tables": self.pull.spring_tables,
-                       "forces": self.forces, "impacts": self.impacts, "earlier": lambda: self.earlier, "least": self.least,
-                       "copies": lambda: (self.at, self.pair), "send": self.send, "stride": lambda: self.stride,
-                       "half step": lambda: (self.at, self.pair, self.change), "whole frames": self.apart, "taken": self.taken,
-                       **(self.watch.offers if self.watch else {})}
+        self.offers = Ports(force_gather=self.pull, constraint_rows=self.rows, tet_tables=self.solids,
+                            spring_tables=self.pull.spring_tables, before_forces=self.forces, before_half_kick=self.impacts,
+                            earlier_change=lambda: self.earlier, stable_substeps=self.least, upload_constraints=self.send,
+                            predicted_copies=lambda: (self.at, self.pair), target_stride=lambda: self.stride,
+                            half_step=lambda: (self.at, self.pair, self.change), whole_frames=self.apart,
+                            fused_effects=self.taken, stretch_watch=self.watch)
         if free:
             from wsim.physics.motion.one_launch import FreeFrames
             self.free = FreeFrames(self, clock)
@@ -255,14 +255,14 @@ class Explicit(Method):
             self.model.launch(self.settle, self.model.points, [s.b, self.change, self.earlier, s.v, 0.5], [s.v])
 
     def meet(self, others: Methods) -> None:
-        self.muscles = others.find("muscles")
+        self.muscles = others.ports.muscles
         if not self.taken <= {"aero", "loads"}:
             self.at_once.meet(others)
         if self.moving is not None:
             self.moving.status = self.status.word(THROWN)
         if self.free:
-            contact = others.find("contact")
-            self.free.meet(contact.clearance if contact else others.find("clearance"))
+            contact = others.ports.contact
+            self.free.meet(contact.clearance if contact else others.ports.free_flight)
 
     def retry(self, status: Status) -> list[Remedy]:
         return [Remedy("doubt")] if status.said(THROWN)[0] else []

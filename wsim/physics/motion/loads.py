@@ -14,7 +14,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import load as kernels
 from wsim.model.model import Body, Model
-from wsim.model.stage import Clock, Method, Methods, Stage
+from wsim.model.stage import Clock, Method, Methods, Ports, Stage
 from wsim.model.vjp import beside
 from wsim.scene import Load, Problem, SceneError
 from wsim.scene.nodal.loads import given_curve, nodal
@@ -33,7 +33,7 @@ class Borne:
 
 
 def build(b: Build) -> Loads:
-    return Loads(b.model, b.clock, b.methods.find("points"))
+    return Loads(b.model, b.clock, b.ports.points)
 
 
 class Loads(Method):
@@ -50,17 +50,17 @@ class Loads(Method):
         self.tables(t)
         self.bear = kernels.bear(real, module)
         self.adjoint = beside(model, "wsim.physics.motion.points", "LoadsAdjoint", self)
-        self.offers = {"loads": self}
+        self.offers = Ports(loads=self)
         self.make(clock)
         if not points.integrator.explicit:               # which asks for rows by itself
             self.stage()
 
     def meet(self, others: Methods) -> None:
-        if "loads" in (others.find("taken") or ()):
-            self.blocks = others.find("gather").domains
+        if "loads" in (others.ports.fused_effects or ()):
+            self.blocks = others.ports.force_gather.domains
             self.blocks.bear(self)
         if self.points.integrator.explicit:              # which asks for rows by itself
-            others.find("forces").append(self.act)
+            others.ports.before_forces.append(self.act)
 
     def tables(self, t) -> None:
         """Entries by point and by load."""

@@ -15,7 +15,7 @@ import warp as wp
 
 from wsim.kernels.cloth import spring as kernels
 from wsim.model.model import Model, edge_lengths
-from wsim.model.stage import LONG, STRETCHED, THROWN, Clock, Method, Remedy, Stage
+from wsim.model.stage import LONG, STRETCHED, THROWN, Clock, Method, Ports, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.physics.cloth.constraints import AT_REST
@@ -43,7 +43,7 @@ def watched(explicit: Explicit, bears: float) -> Explicit:
             explicit.watch = Watch(explicit.model, explicit.state, explicit.status, explicit=True)
             explicit.stages += explicit.watch.stages
         explicit.watch.most = bears
-        explicit.offers["edges"] = explicit.watch
+        explicit.offers.edge_watch = explicit.watch
     return explicit
 
 
@@ -59,7 +59,7 @@ class Watch(Method):
         self.thrown_by: Clock | None = None            # of a midpoint whose middle is projected
         self.most = MOST
         self.factor = lambda body: 1.0
-        self.offers = {"watch": self}
+        self.offers = Ports(stretch_watch=self)
         self.bodies = [(b, edge_lengths(b) > 0.0) for b in model.bodies]
         counts = [int(long.sum()) for _, long in self.bodies]
         if not sum(counts):

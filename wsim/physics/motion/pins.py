@@ -12,6 +12,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
 from wsim.model.midnodes import held, spread
 from wsim.model.model import Body, Model
+from wsim.model.ports import NONE, Ports
 from wsim.model.stage import Clock, Method, Methods, Stage
 from wsim.model.state import State
 from wsim.model.structs import filled, values
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Pins:
-    return Pins(b.model, b.state, b.methods.find("points"), b.choice.integrator.explicit)
+    return Pins(b.model, b.state, b.ports.points, b.choice.integrator.explicit)
 
 
 class _Pinned:
@@ -133,7 +134,8 @@ class Pins(Method):
             self.add_carried(t, real, module)
         if self.groups["soft"]:
             self.add_soft(t, real, module)
-        self.offers = {"pins": self} | {f"{kind} pins": self for kind, group in self.groups.items() if group}
+        self.offers = Ports(pins=self, hard_pins=self if self.groups["hard"] else NONE,
+                            soft_pins=self if self.groups["soft"] else NONE)
 
     def add_carried(self, t, real, module) -> None:
         """Adds velocities of curves other than linear keys, which are known: at the end of a frame points have it, to no
@@ -171,14 +173,14 @@ class Pins(Method):
 
     def meet(self, others: Methods) -> None:
         """Soft pins act within Newton steps, where there are some, or explicit ones take them (kernels/fused/hold.py)."""
-        if "soft pins" in (others.find("taken") or ()):
+        if "soft pins" in (others.ports.fused_effects or ()):
             self.stages = [s for s in self.stages if s.name != "soft pins"]
-        terms, adjoint = others.find("terms"), others.find("adjoint")
+        terms, adjoint = others.ports.newton_terms, others.ports.solve_adjoint
         if terms is None or not self.groups["soft"]:
             return
         from wsim.physics.solver.soft_pin import SoftPins
         self.stages = [s for s in self.stages if s.name != "soft pins"]
-        term = SoftPins(others.find("assembly"), self)
+        term = SoftPins(others.ports.newton_assembly, self)
         self.soft.first, self.soft.item = term.first, term.item
         terms.append(term)
         if adjoint:

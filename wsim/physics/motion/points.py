@@ -12,7 +12,7 @@ import warp as wp
 from wsim.kernels.math.real import types
 from wsim.kernels.motion import points as kernels
 from wsim.model.model import Body, Model, hard_places
-from wsim.model.stage import ByWorld, Clock, Method, Methods, Remedy, Stage, of_world
+from wsim.model.stage import ByWorld, Clock, Method, Methods, Ports, Remedy, Stage, of_world
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -137,7 +137,7 @@ class Points(Method):
         self.densities: dict[int, float] = {}         # that were set, by number of the body
         self.loads: Any = None                        # the method that adds to gravity, see `wsim.physics.motion.loads`
         self.constants = self.tables()
-        self.offers = {"points": self, "constants": self.constants, "densities": self.densities}
+        self.offers = Ports(points=self, constants=self.constants, densities=self.densities)
         self.kernels = {"guard": kernels.not_finite(model.real, model.module)}
         size = 3 * np.dtype(model.dtype).itemsize * model.points
         if integrator.g:
@@ -217,7 +217,7 @@ class Points(Method):
         return True
 
     def meet(self, others: Methods) -> None:
-        self.loads = others.find("loads")
+        self.loads = others.ports.loads
 
     def gravity(self) -> np.ndarray:
         """Gravity of each point [m/s^2], without what loads add, (points, 3)."""

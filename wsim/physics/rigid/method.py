@@ -4,13 +4,13 @@ All substeps of a frame are one launch where nothing can meet: a thread moves on
 wsim/physics/rigid/contacts.py.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wsim.geometry import rotation
 from wsim.kernels.rigid import motion
-from wsim.model.stage import Clock, Method, Methods, Remedy, Stage
+from wsim.model.stage import Clock, Method, Methods, Ports, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -20,6 +20,9 @@ from wsim.physics.rigid.solids import acting, kept, meet, meeting, met_by_strand
 from wsim.scene.methods import dressed
 from wsim.scene.samples import Sample, Transform
 
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
 FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the start"),
           Field("e", "m", True, "rounding remainder of x"), Field("p", "kg m/s", True, "momentum"),
           Field("L", "kg m^2/s", True, "angular momentum about the centre of mass"),
@@ -28,14 +31,14 @@ FIELDS = (Field("x", "m", True, "centre of mass relative to where it was at the 
 LIVE = ("velocity", "spin", "force", "torque", "drag", "spin_drag", "mass", "inertia")
 
 
-def build(b) -> Method:
+def build(b: "Build") -> Method:
     return Rigid(b)
 
 
 class Rigid(Method):
     """`bodies`: (body, world), a row of the part each; `masses` of them."""
 
-    def __init__(self, b):
+    def __init__(self, b: "Build"):
         super().__init__("rigid")
         self.model, scene = b.model, b.scene
         if b.model.gradients:
@@ -57,12 +60,11 @@ class Rigid(Method):
             self.sleep = Sleep(b, self)
         self.Bodies, self.Moving = motion.structs(b.model.real)
         self.table = self.given = self._tables()
-        self.offers = {"bodies": self}
-        self.joints: Any = None
+        self.offers, self.joints = Ports(bodies=self), None        # type: Ports, Any
         if acting(scene):
             from wsim.physics.rigid.joints.tables import Joints
             self.joints = Joints(b, self)
-            self.offers |= {"aims": self.joints.aims.names} if self.joints.aims else {}
+            self.offers.drive_targets = self.joints.aims.names if self.joints.aims else None
             if self.sleep:
                 self.sleep.join(self.joints)
         self._stages(b)
@@ -76,9 +78,7 @@ class Rigid(Method):
         b.state.add(self.part)
 
     def _stages(self, b) -> None:
-        self.contacts: Any = None
-        self.touch: Any = None                           # `wsim.physics.rigid.touch.substeps.Substeps`, where others push
-        self.recorded: Any = None
+        self.contacts = self.recorded = self.touch = None      # type: Any    # touch: `touch.substeps.Substeps`, if others push
         what, launches = f"{len(self.bodies)} bodies, all substeps" + (f", {self.joints.what}" if self.joints else ""), 1
         points, strands = touches(b.scene), bool(met_by_strands(b.scene))
         if points or strands or meet(b.scene):
@@ -90,12 +90,12 @@ class Rigid(Method):
             self.kernel = self.joints.alone() if self.joints else motion.free(b.model.real, b.model.module)
         if b.model.gradients:
             from wsim.physics.rigid.recorded.begin import recorded
-            self.recorded = self.offers["recorded bodies"] = recorded(self)
+            self.recorded = self.offers.recorded_bodies = recorded(self)
         if points or strands:
             from wsim.physics.rigid.touch.others import pushed
             self.touch = pushed(b, self, points)
             self.stages = self.touch.stages
-            self.offers |= {"movers": self.touch} if points else {}
+            self.offers.moving_bodies = self.touch if points else None
             return
         rate, phase = "substep" if self.recorded else "frame", "pose" if dressed(b.scene) else "predict"   # before followers
         self.stages.append(Stage("rigid bodies", phase, self.advance, launches, self.part.bytes, rate, what))

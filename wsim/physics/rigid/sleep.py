@@ -6,13 +6,18 @@ target, stiffness or damping of a drive wakes its bodies. Scenes with points do 
 here.
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.rigid.graph import sleep
 from wsim.model.state import Field, Part
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
 
 FIELDS = (Field("calm", "s", True, "how long the body has been slow, at most what sleep takes", "scalar"),
           Field("asleep", "", True, "1: it sleeps", "int"))
@@ -23,7 +28,7 @@ STIRS = 1e-9                 # [m/s], [rad/s] of what joints hang on: slower, it
 class Sleep:
     """Sleep of the bodies of a method. awake: a word on the device, 0 while all sleep; stirs: whether a joint ever does."""
 
-    def __init__(self, b, method):
+    def __init__(self, b: Build, method):
         self.model, self.part, self.speed = b.model, method.part, b.scene.sleep_speed
         begins = np.array([body.asleep for body, _ in method.bodies])
         values = (begins * float(sleep.CALM), begins)

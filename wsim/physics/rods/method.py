@@ -3,14 +3,14 @@ simulation is: strains are differences of positions of 1e-9 of a strand's length
 thread a strand (kernels/rods/march.py); on a GPU a launch for each part of an iteration (apart.py)."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.rods import tables
 from wsim.kernels.rods.march import TOLERANCE, strands
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Ports, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -20,6 +20,9 @@ from wsim.physics.rods.tables import Table
 from wsim.scene import Scene
 from wsim.scene.methods import touches
 from wsim.scene.samples import Points, Sample
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
 
 FIELDS = (Field("x", "m", True, "position relative to the strand's first point at the start", "vec3d"),
           Field("v", "m/s", True, "velocity", "vec3d"), Field("s", "m", True, "step before this one", "vec3d"),
@@ -38,7 +41,7 @@ APART: bool | None = None     # a launch for each part of an iteration; None: on
 THREADS = 32                  # of a block: 10k strands are few, and fill all processors so
 
 
-def build(b) -> Method:
+def build(b: "Build") -> Method:
     return Strands(b)
 
 
@@ -63,20 +66,19 @@ class Strands(Method):
 
     threads = THREADS
 
-    def __init__(self, b):
+    def __init__(self, b: "Build"):
         super().__init__("rods")
         self.model, self.clock, device = b.model, b.clock, b.model.device
         rods = b.scene.things("Rods")
         self.table = t = Table([(each, world) for world in range(b.model.worlds) for each in rods])
-        touching = any(rods.self_collision for rods in b.scene.things("Rods"))
+        touching = any(each.self_collision for each in rods)
         meeting = bool(touching and touches(b.scene) and b.model.bodies)       # surfaces: in their substeps
         bearing = bool(b.scene.things("Body") and self._met(b.scene))          # rigid bodies: likewise
         self.shortest = 1 if meeting or bearing else max(1, math.ceil(b.clock.dt / b.clock.substeps / LONGEST - 1e-9))
         self.substeps = b.clock.substeps * self.shortest
         self.obstacles = Obstacles(b.scene.colliders, device, self.substeps)
         names = self.obstacles.kinds
-        self.airy, self.among = airy(b.scene), None      # type: bool, Any
-        together = touching or bearing
+        self.airy, self.among, together = airy(b.scene), None, touching or bearing         # type: bool, Any, bool
         apart = not together and (self.model.device.is_cuda if APART is None else APART)
         own = module(names, self.airy, touching, apart) + "_among" * meeting
         if bearing:
@@ -91,23 +93,22 @@ class Strands(Method):
         self.touching: Any = None
         if together:
             self.touching = self._touching(own, b.status, touching, bearing)
-        if touching:
-            b.state.add(self.touching.memory)
+        b.state.add(*[self.touching.memory] if touching else [])
         if bearing:
             from wsim.physics.rods.bodies import Bodies
-            self.touching.join(Bodies(self.touching, b.methods.find("bodies")))
+            self.touching.join(Bodies(self.touching, b.ports.bodies))
         self.weigh(np.tile(np.asarray(b.scene.gravity, np.float64), (b.model.worlds, 1)))
         if self.airy:
             self._breathe(b.scene)
         if meeting:
             from wsim.physics.rods.among import Among
             self.among = Among(self, own)
-            self.stages, self.offers = self.among.stages, {"strands": self.among}
+            self.stages, self.offers = self.among.stages, Ports(strands=self.among)
         else:
             self.stages = [self._stage(own, apart)]
         if touching:
-            self.offers["start"] = self.touching.told
-        self.offers["pins of strands"] = StrandReactions(self)
+            self.offers.start_warnings = self.touching.told
+        self.offers.rods, self.offers.strand_reactions = self, StrandReactions(self)
 
     def _met(self, scene: Scene) -> list:
         from wsim.physics.rigid.solids import met_by_strands

@@ -20,7 +20,7 @@ import numpy as np
 
 from wsim.kernels.motion.points import states
 from wsim.kernels.selfcontact import cut, pairs, rows
-from wsim.model.stage import MET, Clock, Method, Methods, Remedy, Stage
+from wsim.model.stage import MET, Clock, Method, Methods, Ports, Remedy, Stage
 from wsim.model.status import Status
 from wsim.model.structs import filled
 from wsim.physics.selfcontact import fast
@@ -54,18 +54,18 @@ class SelfContact(Method):
     def __init__(self, b: Build):
         super().__init__("selfcontact")
         self.model, self.state, self.status, self.clock = b.model, b.state, b.status, b.clock
-        self.points = b.methods.find("points")
+        self.points = b.ports.points
         self.contact: Any = None         # colliders, `wsim.physics.contact.method.Contact`
         self.bounce: Any = None          # what they throw back with, `wsim.physics.contact.restitution.Bounce`
         self.solved: Any = None          # `wsim.physics.selfcontact.rows.newton_rows.NewtonRows`, where Newton solves for rows
         self.start: Any = None           # e where substeps begin, if bodies change it for a memory
-        self.prolonged = getattr(b.methods.find("contact"), "prolonged", None)
+        self.prolonged = getattr(b.ports.contact, "prolonged", None)
         b.status.reserve(SAID, cut.SAID)
         self.fast = fast.Fast(b.model, b.clock)
-        self.strands = b.methods.find("strands")
+        self.strands = b.ports.strands
         self.alike = not self.strands
         self.steady = False              # True: x, e and a stay as they are from `find` on until a substep ends
-        self.surfaces = Surfaces(b.model, self.points.constants.w, b.methods.find("contacts"), self.strands)
+        self.surfaces = Surfaces(b.model, self.points.constants.w, b.ports.contacts, self.strands)
         self.obstacles = self.surfaces.obstacles
         if self.surfaces.state:                          # what moves one moves the other
             b.state.points.arrays["d"] = self.surfaces.state.d[:b.model.points]
@@ -95,7 +95,7 @@ class SelfContact(Method):
         self.settle = self._settle()
         self.apart = Apart(self, b, module)
         self.stages += self.apart.stages
-        self.offers = {"clearance": self.apart, "self-contact": self, "start": start}
+        self.offers = Ports(free_flight=self.apart, self_contact=self, start_warnings=start)
 
     def _settle(self) -> Settle:
         if self.clock.integrator.beyond:
@@ -114,15 +114,15 @@ class SelfContact(Method):
         return filled(states(self.model.real), x=s.x, e=s.e if self.start is None else self.start, d=s.d, a=self.points.anchor)
 
     def meet(self, others: Methods) -> None:
-        self.contact, self.bounce = others.find("contact"), others.find("bounce")
+        self.contact, self.bounce = others.ports.contact, others.ports.restitution
         self.sweeper.meet()
         self.stages[1].launches = 1 if self.sweeper.fits() else self.stages[1].launches
         self.steady = self.within and not self.strands and not (self.contact and self.contact.movers)
         self.start = self.contact.movers.starts() if self.contact and self.contact.movers else None
         self.settle.meet(others)
-        if (terms := others.find("terms")) is not None:
+        if (terms := others.ports.newton_terms) is not None:
             from wsim.physics.selfcontact.rows.newton_rows import NewtonRows
-            self.solved = NewtonRows(self, others.find("assembly"))
+            self.solved = NewtonRows(self, others.ports.newton_assembly)
             terms.insert(0, self.solved)                 # before colliders bear what rows push
 
     def at(self):

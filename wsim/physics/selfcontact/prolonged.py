@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
@@ -22,8 +22,9 @@ class Prolonged(Settle):
     """Stage prolong, and velocities behind the guarantee. Nothing is done once the midpoint has given way to backward Euler."""
 
     def __init__(self, method: SelfContact):
-        self.motion = method.points.motion           # `wsim.physics.motion.points.Prolonged`
+        motion: Any = method.points.motion           # `wsim.physics.motion.points.Prolonged`
         self.colliders = method.prolonged            # `wsim.physics.contact.prolonged.Prolonged`, or None
+        self.motion = motion
         self.motion.meet()
         if not self.colliders:
             self.motion.surfaces()

@@ -67,9 +67,9 @@ class Settle:
         return self.aims_at.struct
 
     def meet(self, others: Methods) -> None:
-        if self.halved and (port := others.find("impacts")) is not None:
+        if self.halved and (port := others.ports.before_half_kick) is not None:
             port.append(self.half)
-            self.earlier = others.find("earlier")
+            self.earlier = others.ports.earlier_change
 
     @property
     def staged(self) -> bool:

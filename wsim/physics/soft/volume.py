@@ -24,7 +24,7 @@ LANES, SHARE = 1024, 64                  # threads of a body at most; tets of ea
 
 
 def build(b: Build) -> VolumeWatch | None:
-    tables = [t for t in b.methods.every("solids") if getattr(t, "material", "") == "corotational"]
+    tables = [t for t in b.ports.tet_tables if getattr(t, "material", "") == "corotational"]
     return VolumeWatch(b.model, b.state, b.status, tables) if tables else None
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from wsim.kernels.math.real import types
 from wsim.kernels.solver import newton
 from wsim.model.model import Model
-from wsim.model.stage import MISSED, Clock, Method, Methods, Remedy, Stage
+from wsim.model.stage import MISSED, Clock, Method, Methods, Ports, Remedy, Stage
 from wsim.model.state import Field, State
 from wsim.model.status import Status
 from wsim.model.vjp import beside
@@ -43,7 +43,7 @@ CAP = 300              # iterations of conjugate gradients: 1e5 N/m at 1/60 s ta
 
 
 def build(b: Build) -> Implicit:
-    return Implicit(b.model, b.state, b.methods.find("points"), b.status, b.clock, b.kept(soft=True))
+    return Implicit(b.model, b.state, b.ports.points, b.status, b.clock, b.kept(soft=True))
 
 
 class Implicit(Method):
@@ -76,20 +76,20 @@ class Implicit(Method):
 
     def offer(self) -> None:
         own = self.assembly
-        self.offers = {"rows": self.every, "solids": own.solids, "tables": own.tables.values(), "assembly": own,
-                       "terms": self.terms, "lanes": self.line.lanes}
+        self.offers = Ports(constraint_rows=self.every, tet_tables=own.solids, newton_tables=list(own.tables.values()),
+                            newton_assembly=own, newton_terms=self.terms, line_search_lanes=self.line.lanes)
         if self.adjoint:
-            self.offers |= {"gather": self.adjoint.pull, "adjoint": self.adjoint}
+            self.offers.force_gather, self.offers.solve_adjoint = self.adjoint.pull, self.adjoint
         if own.springs:
             before = self.adjoint.spring_tables if self.adjoint else list
-            self.offers["spring tables"] = lambda: [*before(), *own.spring_tables()]
+            self.offers.spring_tables = lambda: [*before(), *own.spring_tables()]
 
     def meet(self, others: Methods) -> None:
         """Tethers and strain limits are projected behind the last step; muscles give rest lengths."""
-        self.behind = bool(others.every("batches"))
-        if muscles := others.find("muscles"):
+        self.behind = bool(others.ports.xpbd_batches)
+        if muscles := others.ports.muscles:
             self.present = muscles.present
-        if not others.find("contacts"):
+        if not others.ports.contacts:
             from wsim.physics.solver.rigid_translation import momentum
             if (term := momentum(self.assembly, self.line.lanes)):
                 self.terms.append(term)

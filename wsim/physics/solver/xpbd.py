@@ -18,7 +18,7 @@ from wsim.kernels.math.block import SHARE
 from wsim.kernels.motion.points import states
 from wsim.model import kernel_cache
 from wsim.model.model import Model
-from wsim.model.stage import MISSED, Clock, Method, Methods, Remedy, Stage
+from wsim.model.stage import MISSED, Clock, Method, Methods, Ports, Remedy, Stage
 from wsim.model.state import State
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def build(b: Build) -> Xpbd:
-    return Xpbd(b.model, b.state, b.methods.find("points"), b.status, b.clock,
+    return Xpbd(b.model, b.state, b.ports.points, b.status, b.clock,
                 b.model.constraints if b.choice.solver == "xpbd" else b.kept(soft=False))
 
 
@@ -49,9 +49,9 @@ class Xpbd(Method):
         colored(rows)
         self.batches = [Batch(kind.name, [r for r in rows if r.kind == kind.name], model, clock)
                         for kind in named({r.kind for r in rows})]
-        self.offers = {"batches": self.batches, "rows": [r for b in self.batches for r in b.rows]}
+        self.offers = Ports(xpbd_batches=self.batches, constraint_rows=[r for b in self.batches for r in b.rows])
         if any(b.row.gather == SPRINGS for b in self.batches):
-            self.offers["spring tables"] = self.spring_tables
+            self.offers.spring_tables = self.spring_tables
         if any(b.multipliers for b in self.batches):
             size = sum(b.lam.capacity for b in self.batches)
             self.stages.append(Stage("multipliers", "collide", self.zero, len(self.batches), size, what="zeroed"))
@@ -73,9 +73,9 @@ class Xpbd(Method):
     def meet(self, others: Methods) -> None:
         """The energy is that of the rest lengths at the end of a frame. Explicit steps may take tethers: see
         kernels/fused/hold.py."""
-        if "xpbd" in (others.find("taken") or ()):
+        if "xpbd" in (others.ports.fused_effects or ()):
             self.stages.clear()
-        self.muscles = others.find("muscles")
+        self.muscles = others.ports.muscles
 
     def watch(self) -> None:
         """BDF2 gains energy where sweeps leave too much: the last substep of a frame is measured. The midpoint's way to the end

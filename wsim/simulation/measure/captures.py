@@ -76,7 +76,7 @@ def capture_forms(sim: Simulation) -> None:
     ("met again"). Tables of a frame must be there."""
     plan, clock = sim.plan, sim.plan.clock
     before, clock.starting = (clock.free, clock.after_free, clock.starting), False
-    whole = plan.parted and bool(plan.find("whole frames"))
+    whole = plan.parted and bool(plan.ports.whole_frames)
     for clock.free in (False, True) if plan.parted else before[:1]:
         clock.after_free = clock.free and whole
         if sim.graph is None:

@@ -49,7 +49,7 @@ def gather(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
 
 
 def _of_points(plan: Plan, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
-    model, points = plan.model, plan.find("points")
+    model, points = plan.model, plan.ports.points
     masses = model.stack("masses")
     masses[model.gone] = 0.0
     free = points.constants.w.numpy() > 0.0
@@ -166,7 +166,7 @@ def profile(plan: Plan) -> dict[str, float]:
 def rows(plan: Plan) -> tuple[int, int]:
     """Springs, triangles, hinges, limits, tets of all methods; and how many are worked on in a substep: once each in a sweep, a
     Newton step, an evaluation of the forces."""
-    clock, integrator, found = plan.clock, plan.choice.integrator, plan.methods.every("rows")
+    clock, integrator, found = plan.clock, plan.choice.integrator, plan.ports.constraint_rows
     hard, soft = (sum(len(r.ids) for r in found if r.hard == which) for which in (True, False))
     soft += sum(table.size for table in plan.solids)
     return hard + soft, hard * clock.iterations + soft * (integrator.forces if integrator.explicit else clock.iterations)
@@ -212,5 +212,5 @@ def report(sim, with_profile: bool = True) -> dict:
         "skipped": plan.skipped, "repeats": list(sim.repeats),
         "warnings": [*sim.warnings, *missed(sim.fps, later), *deep,
                      *(w for each in (sim.measured, sim.settled) if each for w in each.warnings())],
-        **({"balance": watch.report()} if (watch := plan.find("balance")) else {}), **limits, **forms,
+        **({"balance": watch.report()} if (watch := plan.ports.balance) else {}), **limits, **forms,
     }

@@ -14,7 +14,7 @@ CLOSE = 1e-3           # of its longest that an edge or tether may be shorter an
 def acting(plan: Plan, x: np.ndarray) -> dict[str, tuple[int, int]]:
     """Constraints of each hard kind that act, and all there are. x: positions relative to origins [m], solver order."""
     found: dict[str, tuple[int, int]] = {}
-    for batch in plan.methods.every("batches"):
+    for batch in plan.ports.xpbd_batches:
         for r in batch.rows if batch.hard else ():
             ends = x[r.ids]
             held = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= (1.0 - CLOSE) * r.rest

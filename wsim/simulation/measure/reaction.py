@@ -80,8 +80,8 @@ class Reactions:
         for c in self.model.scene.cloths:
             if c.tethers or np.isfinite(c.material.strain_limit):
                 raise refuse("limits", c.path)
-        pins = plan.find("pins")
-        self.constants, self.held = plan.find("constants"), [HeldPoints.of(p) for group in pins.groups.values() for p in group]
+        pins = plan.ports.pins
+        self.constants, self.held = plan.ports.constants, [HeldPoints.of(p) for group in pins.groups.values() for p in group]
         self.make()
 
     def make(self) -> None:
@@ -108,14 +108,14 @@ class Reactions:
 
     def loads(self) -> np.ndarray | float:
         """Forces of loads at that time [N], (points, 3)."""
-        loads = self.plan.find("loads")
+        loads = self.plan.ports.loads
         return loads.forces(self.time) if loads else 0.0
 
     def elastic(self, x: wp.array, e: wp.array | None, v: wp.array) -> np.ndarray:
         """Forces of springs and elements [N], (points, 3), at x + e with velocities v."""
         n = self.model.points
         self.pull.refresh()
-        muscles = self.plan.find("muscles")
+        muscles = self.plan.ports.muscles
         if muscles and self.pull.springs:
             rest = np.concatenate([r.rest for r in muscles.present(self.pull.springs, self.time)])
             self.pull.table.rest.assign(np.append(rest, 0.0)[self.pull.entry].astype(self.model.dtype))
@@ -131,7 +131,7 @@ class Reactions:
 
     def wind(self, x: wp.array, v: wp.array) -> np.ndarray:
         """Forces of the air on triangles [N], (points, 3)."""
-        air = self.plan.find("wind")
+        air = self.plan.ports.wind
         found = np.zeros((self.model.points, 3))
         if air is None:
             return found
@@ -146,7 +146,7 @@ class Reactions:
         """Forces at x + e with velocities v, at `time` [s]; `of` then says what each pin bears."""
         self.time = time
         self.force = self.felt(x, e, v) + self.loads()
-        c, own, points = self.constants, self.constants.object.numpy(), self.plan.find("points")
+        c, own, points = self.constants, self.constants.object.numpy(), self.plan.ports.points
         self.v, self.x = v.numpy().astype(np.float64), x.numpy().astype(np.float64)
         if e is not None:
             self.x = self.x + e.numpy()
@@ -197,7 +197,7 @@ def every(sim, path: str) -> np.ndarray:
 
 def reactions(sim, path: str | None = None, world: int = 0) -> np.ndarray:
     """Reaction forces as `Simulation.reactions` returns them."""
-    strands = sim.plan.find("pins of strands")
+    strands = sim.plan.ports.strand_reactions
     if strands and (path in strands.paths() or path is None and not sim.model.scene.pins and len(strands.paths()) == 1):
         return strands.of(path or strands.paths()[0], world, sim.time)
     if not sim.model.scene.pins:

@@ -60,7 +60,7 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     whose points the indices are of; the arrays hold all."""
     sim: Simulation = getattr(source, "sim", source)
     plan, model = sim.plan, sim.model
-    watch = plan.find("balance")
+    watch = plan.ports.balance
     parts = [part for part in sim.state.parts.values() if part.name != "points" and not (watch and part is watch.part)]
     others = {f"{part.name}.{f.name}": ArrayView(part.arrays[f.name], {p: r for (p, of), r in part.rows.items() if of == world})
               for part in parts for f in part.fields}
@@ -74,26 +74,26 @@ def arrays(source, world: int = 0) -> dict[str, ArrayView]:
     for k, name in enumerate(kept):
         if name in NAMES:
             found[NAMES[name]] = ArrayView(whole[k * model.points:(k + 1) * model.points], index, origin)
-    constants = plan.find("constants")
+    constants = plan.ports.constants
     points = index if model.by_point else {}
     found["inverse_masses"] = ArrayView(constants.w, index)
     found["gravity"], found["air_drag"] = ArrayView(constants.gravity, points), ArrayView(constants.decay, points)
-    if air := plan.find("air"):
+    if air := plan.ports.air:
         found |= {name: ArrayView(getattr(air, name), points) for name in ("wind", "drag", "lift", "normal_drag")}
     return found | _materials(plan)
 
 
 def _materials(plan) -> dict[str, ArrayView]:
     """Of whichever method solves for the forces."""
-    twice = plan.find("adjoint") is not None              # Newton's method keeps them for the solve and for its adjoint
-    found, pull = {}, None if twice else plan.find("gather")
+    twice = plan.ports.solve_adjoint is not None              # Newton's method keeps them for the solve and for its adjoint
+    found, pull = {}, None if twice else plan.ports.force_gather
     if pull is not None and pull.springs:
         entry = {"springs": np.asarray(pull.entry)}
         for name, own in (("stiffness", "k"), ("damping", "damping"), ("rest", "rest")):
             if name != "damping" or pull.damped:
                 found[f"springs.{name}"] = ArrayView(getattr(pull.table, own), entry)
     flat = [] if pull is None else [e for e in pull.elements if hasattr(e, "kind")]
-    batches = ([] if twice else plan.methods.every("tables")) + plan.methods.every("batches")
+    batches = ([] if twice else plan.ports.newton_tables) + plan.ports.xpbd_batches
     for source, own, name in [(e, "stiffness", "stiffness") for e in flat] + [(b, "alpha", "compliance") for b in batches]:
         found[f"{source.kind}.{name}"] = ArrayView(getattr(source.data, own))
         if source.data.tau is not None:

@@ -73,7 +73,7 @@ class Settled:
     @staticmethod
     def strained(sim, least: float) -> bool:
         """False where the device finds in one launch that no edge strains by so much: the host takes 3 ms for 19 000 edges."""
-        watch, muscles = sim.plan.find("watch"), any(net.actuation for net in sim.scene.springs)
+        watch, muscles = sim.plan.ports.stretch_watch, any(net.actuation for net in sim.scene.springs)
         with GATE.shared():                                    # else the launch goes into what another thread captures
             return watch is None or muscles or watch.exceeds(1.0 + least - ROUNDED)
 

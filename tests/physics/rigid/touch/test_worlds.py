@@ -27,7 +27,7 @@ def ends(found: Scene, few: int, monkeypatch, **more):
     """Places of points and bodies after so many frames."""
     monkeypatch.setattr(points, "FEW", few)
     sim = run(found, **more)
-    assert (sim.plan.find("movers").worlds is None) == (few == 0)
+    assert (sim.plan.ports.moving_bodies.worlds is None) == (few == 0)
     sim.run(8)
     return sim.plan.state.x.numpy(), sim.plan.method("rigid").poses(), sim
 

@@ -46,7 +46,7 @@ class Mixed:
     """What bodies near the sheet and its points have together, now."""
 
     def __init__(self, sim: Simulation):
-        s, w = sim.plan.state, sim.plan.find("constants").w.numpy().astype(np.float64)
+        s, w = sim.plan.state, sim.plan.ports.constants.w.numpy().astype(np.float64)
         self.m = np.where(w > 0.0, 1.0 / np.maximum(w, 1e-300), 0.0)
         self.v = (s.b if s.has("b") else s.v).numpy().astype(np.float64)         # leapfrog's own is half a step before
         method = sim.plan.method("rigid")

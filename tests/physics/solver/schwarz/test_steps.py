@@ -49,7 +49,7 @@ def test_a_converged_step_is_the_solution_of_scipy(monkeypatch):
     sim = Simulation(scene, device="cpu", precision="float64")
     body, h = sim.model.bodies[0], 1.0 / 60.0
     place = body.places + body.origin
-    free = np.flatnonzero(sim.plan.find("assembly").rows.w.numpy() > 0.0)
+    free = np.flatnonzero(sim.plan.ports.newton_assembly.rows.w.numpy() > 0.0)
     goal = place + h * np.where(np.isin(np.arange(body.count), free)[:, None], body.velocities, 0.0) + h * h * np.array(
         scene.gravity)
     where = (place, body.triangles - body.first, body.rest, body.masses, goal, h, free)

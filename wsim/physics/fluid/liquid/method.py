@@ -1,8 +1,10 @@
 """Liquids on the device: for each liquid of each world a part "liquid k", whose rows are particles, and the steps of a frame
 (`wsim.physics.fluid.liquid.domain`)."""
 
+from __future__ import annotations
+
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from wsim.physics.fluid.shells import sheets, shells
 from wsim.physics.fluid.start import cut
 from wsim.scene.samples import Sample
 
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
 FIELDS = (Field("x", "m", True, "from the low corner, along the axes of the grid"), Field("v", "m/s", True, "velocity"))
 AFFINE = Field("C", "1/s", True, "rows: gradient of each component of v", "mat33")
 ID = Field("id", "1", True, "stays with a particle; below 0: there is none", "int")
@@ -32,7 +37,7 @@ REFUSED = "liquid: refused"
 SPARE = 1 << 13          # rows more than particles at the start, where there are sources; a frame that lacks some is repeated
 
 
-def build(b) -> Method:
+def build(b: Build) -> Method:
     return Liquids(b)
 
 
@@ -43,11 +48,11 @@ def acting(liquid: Liquid, scene) -> list[LiquidSource]:
 class Liquids(Method):
     """`domains`: one for each liquid of each world."""
 
-    def __init__(self, b):
+    def __init__(self, b: Build):
         super().__init__("liquid")
         self.model, self.scene, self.status, self.state, self.base = b.model, b.scene, b.status, b.state, b.clock.substeps
         self.more = 1
-        self.rigid = b.methods.find("bodies") if shells(b.scene) else None
+        self.rigid = b.ports.bodies if shells(b.scene) else None
         liquids = b.scene.things("Liquid")
         self.pairs = [(liquid, world) for world in range(b.model.worlds) for liquid in liquids]
         memory.refuse([liquid for liquid, _ in self.pairs], b)

@@ -92,18 +92,18 @@ class Touch(Substeps):
 
     def meet(self, others: Methods) -> None:
         """Enters Newton steps, before the contacts of points do."""
-        terms = others.find("terms")
+        terms = others.ports.newton_terms
         if terms is not None:
             from wsim.physics.rigid.touch.newton import Foreseen
             self.need(exchange.hubs, exchange.tell, stars.star)
-            self.foreseen = Foreseen(self, others.find("assembly"), others.find("lanes"))
+            self.foreseen = Foreseen(self, others.ports.newton_assembly, others.ports.line_search_lanes)
             terms.append(self.foreseen)
-        if (surfaces := others.find("self-contact")) is not None:
+        if (surfaces := others.ports.self_contact) is not None:
             self.surfaces = not surfaces.within
         if "ph" in self.rigid.part.arrays:
             self.need(exchange.take)
             self.half = Half(self)
-            others.find("impacts").append(self.half.before)
+            others.ports.before_half_kick.append(self.half.before)
 
     def join(self, contact) -> None:
         """Takes the table of contacts that have the rows of bodies in them (`wsim.physics.contact.method.Contact`)."""

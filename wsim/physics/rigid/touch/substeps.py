@@ -1,7 +1,9 @@
 """Substeps of rigid bodies in three parts, between which others push them (kernels/rigid/touch/step.py): forces, sweeps of
 their own contacts, places."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
@@ -9,13 +11,16 @@ from wsim.kernels.rigid.touch.step import touch_step, touch_sweep
 from wsim.model.stage import Clock, Methods, Stage
 from wsim.physics.rigid.solids import asked
 
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
 
 class Substeps:
     """The parts as stages: `begin`, and `end` behind what pushes. rigid: the method, whose `contacts` are made."""
 
     foreseen: Any = None                                 # `wsim.physics.rigid.touch.newton.Foreseen`
 
-    def __init__(self, b, rigid, swept: bool = True):
+    def __init__(self, b: Build, rigid, swept: bool = True):
         """swept: False if `sweep` is never called."""
         self.model, self.rigid = b.model, rigid
         self.form = rigid.contacts.form

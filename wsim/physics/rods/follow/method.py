@@ -1,5 +1,9 @@
 """Followers on the device: once a frame, one launch carries the points of all of them (kernels/rods/follow.py)."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import warp as wp
 
@@ -9,10 +13,13 @@ from wsim.model.structs import filled
 from wsim.physics.rods.follow.binding import GUIDES, bind
 from wsim.scene.samples import Points, Sample
 
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
 MODULE, THREADS = "wsim_rods_follow", 128
 
 
-def build(b) -> Method:
+def build(b: Build) -> Method:
     return Follow(b)
 
 
@@ -23,9 +30,9 @@ def signature(b) -> list:
 class Follow(Method):
     """Points of all followers of all worlds, in rows."""
 
-    def __init__(self, b):
+    def __init__(self, b: Build):
         super().__init__("follow")
-        self.model, self.rods = b.model, next(m for m in b.methods if m.name == "rods")
+        self.model, self.rods = b.model, b.ports.rods
         table, device, row = self.rods.table, b.model.device, 0
         parts, self.rows, start = [], [], []
         for followers in b.scene.things("Followers"):

@@ -12,13 +12,13 @@ what that is.
 from __future__ import annotations
 
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 
 from wsim.kernels.math import ledger
-from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.stage import Clock, Method, Ports, Remedy, Stage
 from wsim.model.state import Field, Part
 from wsim.model.status import Status
 from wsim.model.structs import filled
@@ -26,6 +26,9 @@ from wsim.simulation.measure.checks.reasons import STILL, Reasons
 from wsim.simulation.measure.checks.rise import FIRST, left_open
 from wsim.simulation.measure.checks.terms import Terms
 from wsim.simulation.measure.checks.works import Works
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
 
 PART = 0.01            # of the largest kinetic energy so far
 FLOOR = 1e-3           # of the size of an object, over which its weight may work
@@ -40,7 +43,7 @@ FIELDS = (Field("balance_lowest", "J", True, "least energy so far, with the work
 FIELDS_OF = ("balance_lowest", "balance_most")
 
 
-def build(b) -> Balance | None:
+def build(b: Build) -> Balance | None:
     """None where nothing moves whose energy is known."""
     works = Works(b)
     terms = Terms(b.model, b.state, b.methods, b.choice.solver, works.given)
@@ -50,7 +53,7 @@ def build(b) -> Balance | None:
 class Balance(Method):
     alike = True
 
-    def __init__(self, b, terms: Terms, works: Works):
+    def __init__(self, b: Build, terms: Terms, works: Works):
         super().__init__("balance")
         self.model, self.status, self.terms, self.clock = b.model, b.status, terms, b.clock
         self.works, self.reasons, self.iterates = works, Reasons(b, works), b.choice.solver in ("xpbd", "implicit")
@@ -65,7 +68,7 @@ class Balance(Method):
                              floor=wp.array(np.full(n, floor_of(b)), dtype=wp.float64, device=device),
                              peak=wp.zeros(n, dtype=wp.float64, device=device), rise=wp.zeros(n, dtype=wp.vec4d, device=device),
                              **{name.removeprefix("balance_"): self.part.arrays[name] for name in FIELDS_OF})
-        self.offers = {"balance": self}
+        self.offers = Ports(balance=self)
         self.given = wp.full(n, -1.0, dtype=wp.float64, device=device)       # `gift` by what the host knows
         self.figures: Any = None
         if terms.rigid:
@@ -83,7 +86,7 @@ class Balance(Method):
                                  "what may not rise"))
 
     def meet(self, others) -> None:
-        self.surfaces = others.find("self-contact") is not None
+        self.surfaces = others.ports.self_contact is not None
 
     def enter(self, clock: Clock) -> None:
         self.begun = False
@@ -205,7 +208,7 @@ class Balance(Method):
 
 def mass_of(b) -> float:
     """Mass [kg] of what moves freely in a world."""
-    rigid, own = b.methods.find("bodies"), [body for body in b.model.bodies if body.world == 0]
+    rigid, own = b.ports.bodies, [body for body in b.model.bodies if body.world == 0]
     return sum(float(body.masses.sum()) for body in own) + (
         sum(m.mass for m in rigid.masses) / b.model.worlds if rigid else 0.0)
 
@@ -220,7 +223,7 @@ def floor_of(b) -> float:
     for body in b.model.bodies:
         if body.world == 0:
             add(float(body.masses.sum()), float(np.ptp(body.places, axis=0).max(initial=0.0)))
-    rigid = b.methods.find("bodies")
+    rigid = b.ports.bodies
     for (_, world), inertia in zip(rigid.bodies, rigid.masses, strict=True) if rigid else ():
         if world == 0:
             add(inertia.mass, 2.0 * float(np.sqrt(2.5 * np.max(inertia.moments) / inertia.mass)))

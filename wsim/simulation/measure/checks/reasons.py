@@ -43,7 +43,7 @@ class Reasons:
         self.always = found
         self.colliders = scene.colliders if points else []
         self.sizes = {c.path: extent(c.shape) for c in self.colliders}
-        pins = b.methods.find("pins")
+        pins = b.ports.pins
         self.pins = pins
         self.paths = [p.pin.path for p in pins.groups["hard"]] if pins else []
         self.speeds = pins.pull if pins else wp.zeros(0, dtype=wp.float64, device=b.model.device)      # see `Pins.pull`

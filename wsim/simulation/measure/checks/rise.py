@@ -28,7 +28,7 @@ def left_open(scene) -> bool:
 def raise_substeps(sim: Simulation, checks: list[Remedy]) -> bool:
     """True if the frame is to be repeated with more substeps, which stay. False if the frame is kept, with a warning: also in
     the FIRST frames of a run in which objects overlap at the start, where more substeps do not help."""
-    balance, clock = sim.plan.find("balance"), sim.plan.clock
+    balance, clock = sim.plan.ports.balance, sim.plan.clock
     if sim.overlaps and balance.frames < FIRST:
         return False
     if clock.apart or not left_open(sim.given) or balance.rises >= RISES:

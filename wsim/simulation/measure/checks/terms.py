@@ -34,7 +34,7 @@ class Terms:
         self.sums: list[wp.array] = []
         if model.bodies:
             self.take_points(methods)
-        self.rigid = methods.find("bodies")
+        self.rigid = methods.ports.bodies
         if self.rigid:
             self.take_bodies()
         for array in given:
@@ -53,7 +53,7 @@ class Terms:
         """Points, and what holds them together."""
         from wsim.kernels.math.point_energy import balance_points
         model = self.model
-        self.points = methods.find("points")
+        self.points = methods.ports.points
         self.counted = None
         if model.alias is not None:
             counted = np.ones(model.points, np.int32)
@@ -69,12 +69,12 @@ class Terms:
     def stored(self, methods: Methods) -> list:
         """Tables of what stores elastic energy: of XPBD in one world its own, in the order of colours."""
         if self.solver == "xpbd" and self.worlds == 1:
-            found = [b for b in methods.every("batches") if not b.hard]
+            found = [b for b in methods.ports.xpbd_batches if not b.hard]
         else:
             from wsim.physics.cloth.table import table_of
             kinds = sorted({r.kind for r in self.model.constraints if not r.hard})
             found = [table_of(self.model, kind) for kind in kinds]
-        return found + [t for t in methods.every("solids") if hasattr(t, "maths")]
+        return found + [t for t in methods.ports.tet_tables if hasattr(t, "maths")]
 
     def take_stored(self, table, least: float) -> None:
         """Elements of one kind. least: the part of their energy that counts as there."""

@@ -23,9 +23,9 @@ class Works:
         self.wind = self.colliders = False
         integrator, scene = b.choice.integrator, b.scene
         if not b.model.bodies or integrator.solves > 1 or (integrator.explicit and len(integrator.steps) > 2) \
-                or b.methods.find("taken"):
+                or b.ports.fused_effects:
             return
-        self.air, self.contacts = b.methods.find("wind"), b.methods.find("contacts")
+        self.air, self.contacts = b.ports.wind, b.ports.contacts
         blown = np.any(scene.wind) or any(v.name == "wind" for v in scene.varying)
         if self.air is not None and blown:
             self.add_wind()

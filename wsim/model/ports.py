@@ -1,0 +1,107 @@
+"""What methods offer to each other: `b.ports.contacts` while methods are made and connected, `plan.ports.contacts` afterwards.
+
+Annotations are those of a port that is there. Where no method offers a port it is None, and empty if it is a list. Whoever
+cannot be sure that a scene has the other method tests for that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from wsim.model.stage import Method, Port
+    from wsim.physics.animation.method import Bones
+    from wsim.physics.cloth.air import Aero
+    from wsim.physics.cloth.muscles import Muscles
+    from wsim.physics.contact.contacts import Contacts
+    from wsim.physics.contact.method import Contact
+    from wsim.physics.contact.restitution import Bounce
+    from wsim.physics.fluid.method import Fluids
+    from wsim.physics.motion.loads import Loads
+    from wsim.physics.motion.overstretch import Watch
+    from wsim.physics.motion.pins import Pins
+    from wsim.physics.motion.points import Points
+    from wsim.physics.rigid.method import Rigid
+    from wsim.physics.rods.method import Strands
+    from wsim.physics.selfcontact.method import SelfContact
+    from wsim.physics.solver.newton import Assembly
+
+NONE: Any = None
+
+
+@dataclass
+class Ports:
+    """One field a port. The first lines are of points, then come solvers, explicit steps, contacts, and other things."""
+
+    points: Points = NONE
+    constants: Any = NONE                               # of points: inverse masses, gravity ...
+    densities: dict[int, float] = NONE                  # that were set live, by body
+    pins: Pins = NONE
+    hard_pins: Pins = NONE
+    soft_pins: Pins = NONE
+    muscles: Muscles = NONE
+    loads: Loads = NONE
+    air: Any = NONE                                     # struct of kernels/cloth/air.py
+    wind: Aero = NONE
+    stretch_watch: Watch | None = NONE
+    constraint_rows: list = field(default_factory=list)     # constraints as a solver has them
+    xpbd_batches: list = field(default_factory=list)
+    tet_tables: list = field(default_factory=list)
+    newton_tables: list = field(default_factory=list)
+    spring_tables: Callable[[], list] = NONE            # where rest lengths stand
+    force_gather: Any = NONE                            # `wsim.physics.motion.forces.ForceGather`
+    newton_assembly: Assembly = NONE
+    newton_terms: list = NONE                           # what acts in a Newton step beside the forces of bodies
+    line_search_lanes: Any = NONE
+    solve_adjoint: Any = NONE
+    stable_substeps: Any = NONE                         # function of explicit steps: how many substeps are stable
+    upload_constraints: Callable = NONE
+    target_stride: Any = NONE                           # function: rows of pin targets a substep
+    predicted_copies: Callable[[], tuple] = NONE        # what explicit steps predict
+    half_step: Callable[[], tuple] = NONE
+    before_forces: Port = NONE                          # called before forces are evaluated
+    before_half_kick: Port = NONE                       # called before the last half kick
+    earlier_change: Callable[[], Any] = NONE            # of velocities by others, in the last substep but one [m/s]
+    whole_frames: Any = NONE                            # True: a frame is one launch
+    fused_effects: frozenset[str] = NONE                # names of what blocks that share sheets take along
+    edge_watch: Any = NONE                              # of named explicit steps that bear little tension: how long edges are
+    contact: Contact = NONE
+    contacts: Contacts = NONE
+    restitution: Bounce | None = NONE
+    self_contact: SelfContact = NONE
+    free_flight: Any = NONE                             # frames that cannot touch
+    start_warnings: list = field(default_factory=list)  # said of how a scene starts
+    bodies: Rigid = NONE
+    moving_bodies: Any = NONE                           # rigid bodies that points push
+    recorded_bodies: Any = NONE
+    drive_targets: Any = NONE                           # (path, name) of targets that drives follow in each substep
+    bones: Bones = NONE
+    rods: Strands = NONE
+    strands: Any = NONE                                 # that meet surfaces in their substeps
+    strand_reactions: Any = NONE
+    fluids: Fluids = NONE
+    recorded_fluids: Any = NONE
+    balance: Any = NONE
+
+
+LISTS = frozenset(f.name for f in fields(Ports) if f.default_factory is list)
+
+
+class JoinedPorts:
+    """Ports of several methods: of each the first that is offered, of lists all entries."""
+
+    def __init__(self, methods: Sequence[Method]):
+        self.methods = methods
+
+    def __getattr__(self, name: str) -> Any:
+        offered = (getattr(method.offers, name) for method in self.methods)
+        if name in LISTS:
+            return [entry for found in offered for entry in found]
+        return next((port for port in offered if port is not None), None)
+
+
+def joined(methods: Sequence[Method]) -> Ports:
+    """What methods offer by now."""
+    return cast("Ports", JoinedPorts(methods))
