@@ -1,5 +1,5 @@
 """Signed distance of a place to a collider's shape, in the shape's own frame: of a convex one by its formula
-(kernels/contact/shape.py), of a mesh by Warp's query.
+(kernels/contact/shape.py), of a mesh by Warp's query, of a cloud of balls by that for centres.
 
     phi    distance [m], below 0 within; an open mesh has no inside
     n      unit normal, out of the solid, of an open mesh towards the place; phi n leads from the nearest place to this one
@@ -15,24 +15,67 @@ from functools import cache
 
 import warp as wp
 
-from wsim.kernels.contact.mesh import SHEET, SOLID
+from wsim.kernels.contact.mesh import BALLS, SHEET, SOLID
 from wsim.kernels.contact.shape import distance
 from wsim.kernels.math.real import types
 
 FAR = 1.0e9              # [m] further than anything
+BEYOND = 4.0             # largest radii from a cloud: further away the ball of the nearest centre stands for the nearest ball
 
 
 @cache
 def convex_kinds(kinds: tuple[str, ...]) -> tuple[str, ...]:
     """Those that are no meshes; one at least, so that there is something to compile."""
-    return tuple(k for k in kinds if k not in ("solid", "sheet", "forming")) or ("sphere",)
+    return tuple(k for k in kinds if k not in ("solid", "sheet", "balls", "forming")) or ("sphere",)
+
+
+@cache
+def nearest_balls(real):
+    """Function (size, mesh, q) -> (phi, n, ball or -1) of a cloud: the ball of which q is least outside. The mesh
+    has the radii behind its centres; size has the largest and the smallest of them."""
+    t = types(real)
+
+    @wp.func
+    def ball_distance(mesh: wp.uint64, k: int, q: wp.vec3f):
+        balls = wp.mesh_get(mesh)
+        center = balls.points[k]
+        return wp.length(q - center) - balls.points[balls.indices.shape[0] // 3 + k][0], center
+
+    @wp.func
+    def nearest_balls(size: t.vec3, mesh: wp.uint64, place: t.vec3):
+        q = wp.vec3f(place)
+        found = int(-1)
+        least = float(FAR)
+        center = wp.vec3f()
+        first = wp.mesh_query_point_no_sign(mesh, q, float(FAR))
+        if first.result:
+            found = first.face
+            least, center = ball_distance(mesh, found, q)
+            largest = float(size[0])
+            if size[1] < size[0] and least < float(BEYOND) * largest:
+                out = wp.vec3f(least + largest)
+                query = wp.mesh_query_aabb(mesh, q - out, q + out)
+                k = int(0)
+                while wp.mesh_query_aabb_next(query, k):
+                    phi, other = ball_distance(mesh, k, q)
+                    if phi < least or (phi == least and k < found):
+                        least = phi
+                        center = other
+                        found = k
+        off = place - t.vec3(real(center[0]), real(center[1]), real(center[2]))
+        n = t.vec3(real(0.0), real(0.0), real(1.0))
+        if wp.length(off) > real(0.0):
+            n = wp.normalize(off)
+        return real(least), n, found
+
+    return nearest_balls
 
 
 @cache
 def nearest(kinds: tuple[str, ...], real):
     """Function (kind, size, mesh, q) -> (phi, n, face, u, v)."""
     t, convex = types(real), distance(convex_kinds(kinds))
-    solid, sheet = "solid" in kinds, "sheet" in kinds
+    solid, sheet, cloud, balls = "solid" in kinds, "sheet" in kinds, "balls" in kinds, nearest_balls(real)
 
     @wp.func
     def nearest(kind: int, size: t.vec3, mesh: wp.uint64, q: t.vec3):
@@ -68,6 +111,9 @@ def nearest(kinds: tuple[str, ...], real):
                 else:
                     m = wp.mesh_eval_face_normal(mesh, face)
                     n = t.vec3(real(m[0]), real(m[1]), real(m[2]))
+        if wp.static(cloud):
+            if kind == BALLS:
+                phi, n, face = balls(size, mesh, q)
         if kind < SOLID:
             found, normal = convex(kind, size, q)
             phi = found

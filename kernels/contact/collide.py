@@ -30,7 +30,7 @@ from wsim.kernels.contact.mesh import SOLID, touch_mesh
 from wsim.kernels.contact.shape import CONVEX, distance
 from wsim.kernels.math.real import types
 
-KINDS = (*CONVEX, "solid", "sheet")                  # the position is the kind's number, see `code`
+KINDS = (*CONVEX, "solid", "sheet", "balls")         # the position is the kind's number, see `code`
 NEWTON_LIMIT = 16      # steps of a sweep; 3 to 5 are usual, grazing takes more and may stop early (see above)
 TOUCHING = 1e-4        # part of |dq| that a sweep ends within
 

@@ -29,7 +29,7 @@ import warp as wp
 from wsim.kernels.contact.shape import CONVEX
 from wsim.kernels.math.real import types
 
-SOLID, SHEET = len(CONVEX), len(CONVEX) + 1          # closed mesh; open mesh, two-sided
+SOLID, SHEET, BALLS = len(CONVEX), len(CONVEX) + 1, len(CONVEX) + 2       # closed mesh; open mesh, two-sided; points' balls
 INSIDE, RIM, CORNER = 0, 1, 2                        # what of a face is nearest
 EDGE = 1e-6            # of an edge's length: so far beyond it a point still counts as over the face, whose normal is exact,
                        # where the direction to the edge is rounding near it

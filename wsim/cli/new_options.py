@@ -14,7 +14,7 @@ def add(commands) -> None:
     _new_softbody(new)
     for name, told in (("fluid", "smokes, in a box of air around it"),
                        ("liquid", "is full of water at the start, in a tank around it")):
-        fluid = new.add_parser(name, help=f"a scene in which a closed mesh {told}")
+        fluid = new.add_parser(name, help=f"a scene in which a closed mesh, a shape or points {told}")
         fluid.add_argument("mesh", help="USD file")
         fluid.add_argument("--cells", type=whole, default=64, metavar="N",
                            help="along the longest edge of the box (default: 64)")

@@ -194,17 +194,17 @@ class Scene(Compared):
         `liquid_source` fills it."""
         return self.add(role("Liquid", "objects").Liquid(path, low, high, cell, **more))
 
-    def smoke_source(self, path: str, fluid, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Any:
+    def smoke_source(self, path: str, fluid, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a shape that smoke, heat or air comes from (`wsim.Source`) to a box of air, or its path; at a place `at` (3,)
-        [m] or with motion=...."""
+        [m] or with motion=.... A `PointCloud` is the balls about many points."""
         return self._source("Source", "fluid", path, fluid, shape, at, more)
 
-    def liquid_source(self, path: str, liquid, shape: Shape, at=(0.0, 0.0, 0.0), **more) -> Any:
+    def liquid_source(self, path: str, liquid, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a shape that liquid fills at the start (`wsim.LiquidSource`; role="source": that it flows from, "sink": vanishes
         in) to a box for liquid, or its path; at a place `at` (3,) [m] or with motion=...."""
         return self._source("LiquidSource", "liquid", path, liquid, shape, at, more)
 
-    def _source(self, name: str, of: str, path: str, domain, shape: Shape, at, more: dict) -> Any:
+    def _source(self, name: str, of: str, path: str, domain, shape, at, more: dict) -> Any:
         shape = shape if "motion" in more else solids.upright(shape, self.up)
         more["motion"] = _motion(path, at, more)
         more[of] = domain if isinstance(domain, str) else domain.path

@@ -7,7 +7,7 @@ import pytest
 from pxr import Usd, UsdGeom, Vt
 
 from wsim import cli
-from wsim.scene import Plane, SceneError, Surface, shapes
+from wsim.scene import Plane, SceneError, Sphere, Surface, shapes
 from wsim.scene.check.scene import check
 from wsim.simulation.simulation import Simulation
 from wsim.usd import load
@@ -74,6 +74,32 @@ def test_water_stands_on_a_ground(source, tmp_path):
     scene = load(str(tmp_path / "s.usda"))
     assert np.isclose(scene.things("Liquid")[0].low[2], 1.6) and isinstance(scene.colliders[0].shape, Plane)
     assert check(scene) == []
+
+
+def test_a_ball_that_moves_smokes_in_a_box_about_all_of_its_way(tmp_path):
+    """A Sphere of 10 cm from x = 0 to 1 m: room for it beside both ends. Points with widths likewise."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "ball.usda"))
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetStartTimeCode(0)
+    stage.SetEndTimeCode(10)
+    ball = UsdGeom.Sphere.Define(stage, "/ball")
+    ball.CreateRadiusAttr(0.1)
+    move = ball.AddTranslateOp()
+    move.Set((0, 0, 0), 0)
+    move.Set((1, 0, 0), 10)
+    sparks = UsdGeom.Points.Define(stage, "/sparks")
+    sparks.CreatePointsAttr([(5, 0, 0), (5, 0.5, 0)])
+    sparks.CreateWidthsAttr([0.2])
+    stage.Save()
+    assert author_fluid(tmp_path / "ball.usda", tmp_path / "a.usda", cells=24, prim="ball") == []
+    scene = load(str(tmp_path / "a.usda"))
+    (air,) = scene.things("Fluid")
+    assert air.low[0] < -0.5 and air.high[0] > 1.5 and scene.things("Source")[0].shape == Sphere(0.1) and check(scene) == []
+    assert author_liquid(tmp_path / "ball.usda", tmp_path / "b.usda", cells=24, prim="sparks") == []
+    scene = load(str(tmp_path / "b.usda"))
+    (tank,) = scene.things("Liquid")
+    assert tank.low[0] < 4.7 and tank.high[1] > 0.6 and check(scene) == []
+    assert len(scene.things("LiquidSource")[0].shape.points) == 2
 
 
 def test_what_cannot_smoke_is_said(source, tmp_path):

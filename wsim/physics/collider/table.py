@@ -18,6 +18,7 @@ from wsim.kernels.collider.table import follow, measure_rates
 from wsim.kernels.contact import shape as convex
 from wsim.kernels.math.real import types
 from wsim.model.model import Model
+from wsim.physics.collider.point_cloud import PointCloud, device_points
 from wsim.physics.collider.rows import fill
 from wsim.physics.contact.mesh import facing
 from wsim.scene import Surface, solids
@@ -25,7 +26,9 @@ from wsim.scene.solids import row
 
 
 def kind(shape: Any) -> str:
-    """Name of a kind of shape: a convex one's, "solid" of a closed mesh, "sheet" of an open one."""
+    """Name of a kind of shape: a convex one's, "solid" of a closed mesh, "sheet" of an open one, "balls" of a cloud."""
+    if isinstance(shape, PointCloud):
+        return "balls"
     if not isinstance(shape, Surface):
         return row(shape).kind
     return "solid" if facing(shape)[1] else "sheet"
@@ -40,6 +43,13 @@ def forms(thing: Any) -> bool:
 def kinds(things: list) -> tuple[str, ...]:
     """Kinds of their shapes, "forming" among them where a mesh's points move."""
     return tuple(sorted({kind(thing.shape) for thing in things} | {"forming" for thing in things if forms(thing)}))
+
+
+def mesh_size(shape: Any) -> tuple[float, float, float]:
+    """Sizes of a mesh or cloud on the device: of a cloud its largest and its smallest radius [m]."""
+    if not isinstance(shape, PointCloud):
+        return 0.0, 0.0, 0.0
+    return float(shape.radius_of.max()), float(shape.radius_of.min()), 0.0
 
 
 def screws(turn: np.ndarray) -> np.ndarray:
@@ -64,10 +74,11 @@ class ColliderTable:
         self.things, self.corner, self.model = things, np.asarray(corner, np.float64), model
         t, n, device = types(model.real), len(things), model.device
         self.kinds = kinds(things)
-        self.meshes = [self._mesh(thing) if isinstance(thing.shape, Surface) else None for thing in things]
+        self.meshes = [self._mesh(thing) if isinstance(thing.shape, (Surface, PointCloud)) else None for thing in things]
         self.state: Any = None                                 # that meshes with `rows` of its points follow
         self.shift = np.zeros((n, 3))                          # [m] added to where motions say that they are
-        size = [(0.0, 0.0, 0.0) if isinstance(thing.shape, Surface) else row(thing.shape).size(thing.shape) for thing in things]
+        size = [mesh_size(thing.shape) if mesh else row(thing.shape).size(thing.shape)
+                for thing, mesh in zip(things, self.meshes, strict=True)]
         kept = [getattr(thing, "thickness", None) or 0.0 for thing in things] if thick is None else thick
         rub = [[getattr(thing, f"{name}_friction", 0.0) for name in ("static", "dynamic")] for thing in things]
         names = [kind(thing.shape) for thing in things]
@@ -87,9 +98,10 @@ class ColliderTable:
 
     def _mesh(self, thing: Any) -> wp.Mesh:
         shape, device = thing.shape, self.model.device
-        triangles, _ = facing(shape)
-        rates = wp.zeros(len(shape.points), dtype=wp.vec3f, device=device) if forms(thing) else None
-        return wp.Mesh(wp.array(shape.points, dtype=wp.vec3f, device=device),
+        triangles = shape.faces if isinstance(shape, PointCloud) else facing(shape)[0]
+        points = device_points(shape, shape.points)
+        rates = wp.zeros(len(points), dtype=wp.vec3f, device=device) if forms(thing) else None
+        return wp.Mesh(wp.array(points, dtype=wp.vec3f, device=device),
                        wp.array(triangles.ravel(), dtype=int, device=device), rates)
 
     def _form(self, time: float, dt: float) -> None:
@@ -99,8 +111,10 @@ class ColliderTable:
                 continue
             if k not in self.points:
                 first, last = (np.asarray(thing.shape.poses.at(t), np.float64) for t in (time, time + dt))
-                mesh.points.assign(first.astype(np.float32))
-                mesh.velocities.assign(((last - first) / dt).astype(np.float32))
+                mesh.points.assign(device_points(thing.shape, first))
+                rates = np.zeros(mesh.points.shape + (3,), np.float32)
+                rates[:len(first)] = (last - first) / dt
+                mesh.velocities.assign(rates)
             elif self.state is not None:
                 self.model.launch(self.follow, len(thing.rows), [self.points[k], self.state.x, self.state.v],
                                   [mesh.points, mesh.velocities])

@@ -7,9 +7,8 @@ import numpy as np
 from wsim.physics.fluid import start
 from wsim.physics.fluid.objects import ADVECTION, KINDS, PRESSURE, SCALARS, SIDES, Fluid, Source
 from wsim.physics.fluid.shells import meets
-from wsim.scene import Plane, Problem, Scene, Springs, Surface
+from wsim.scene import Problem, Scene, Springs
 from wsim.scene.check.objects import count, error, number, rigid, warning
-from wsim.scene.solids import row
 
 LEAST = 4                  # cells along an axis that is not flat
 LONG = 1 << 30             # cells that the flat arrays of a device count
@@ -148,13 +147,10 @@ def _sides(fluid: Fluid) -> Iterator[Problem]:
 def _source(source: Source, scene: Scene) -> Iterator[Problem]:
     path, fluids = source.path, scene.things("Fluid")
     yield from rigid(path, source.motion, "put the scale into the shape's sizes")
-    if isinstance(source.shape, Surface):
-        yield from start.solid(source.shape, path)
-    else:
-        named = row(source.shape).named(source.shape)
-        for name, value in named.items():
-            for v in np.atleast_1d(value):
-                yield from number(path, name, float(v), 0.0, name not in row(source.shape).vanishing)
+    found = list(start.source_shape(source))
+    yield from found
+    if any(problem.fatal for problem in found):
+        return
     if source.velocity is not None and not np.isfinite(source.velocity).all():
         yield error(path, "velocity holds NaN or infinity", "finite numbers", "author another velocity")
     yield from number(path, "smoke", source.smoke, 0.0)
@@ -184,12 +180,4 @@ def _opens(fluid: Fluid) -> bool:
 
 def _meets(source: Source, fluid: Fluid) -> bool:
     """Whether its ball touches the box at a key of its motion."""
-    if isinstance(source.shape, Plane):
-        return True
-    if isinstance(source.shape, Surface):
-        ball = float(np.linalg.norm(source.shape.points, axis=1).max(initial=0.0))
-    else:
-        ball = row(source.shape).ball(source.shape)
-    places = source.motion.values[:, :3, 3]
-    nearest = np.clip(places, fluid.low, fluid.high)
-    return bool((np.linalg.norm(places - nearest, axis=1) <= ball).any())
+    return start.touches_box(source.shape, source.motion.values[:, :3, 3], fluid)

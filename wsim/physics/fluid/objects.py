@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from wsim.physics.collider.point_cloud import PointCloud
 from wsim.physics.rigid.objects import vector
 from wsim.scene.bodies import Compared
 from wsim.scene.curve import Curve, Motion
@@ -145,7 +146,7 @@ class Source(Compared):
     `scene.smoke_source("/fire", scene.smoke("/air", (0, 0, 0), (1, 2, 1), cell=0.1), Sphere(0.2), temperature=400, smoke=5)`.
 
     path          prim path
-    shape         as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, or a closed Surface
+    shape         as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, a closed Surface, or a PointCloud
     motion        own frame to world over time, rigid, lengths [m]
     fluid         prim path of the domain; "": all
     smoke         what is added inside [1/s]; of `hold` what is kept there [1]
@@ -158,7 +159,7 @@ class Source(Compared):
     """
 
     path: str
-    shape: Shape
+    shape: Shape | PointCloud
     motion: Motion = field(default_factory=Motion.still)
     fluid: str = ""
     smoke: float = 0.0

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import Plane, Problem, Scene, Sphere, Surface
+from wsim.physics.collider.point_cloud import PointCloud, cloud_problems
+from wsim.scene import Plane, Problem, Scene, Sphere, Surface, solids
 from wsim.scene.check import signed_distance
-from wsim.scene.check.objects import error, surface, warning
+from wsim.scene.check.objects import error, number, surface, warning
 from wsim.scene.solids import row
 
 DOMAINS = ("Fluid", "Liquid")
@@ -133,6 +134,37 @@ def filled(domain: Any, scene: Scene, what: str) -> Iterator[Problem]:
 def _broken(collider: Any) -> Iterator[Problem]:
     if isinstance(collider.shape, Surface):
         yield from (p for p in surface(collider.shape, collider.path) if p.fatal)
+
+
+def source_shape(source: Any) -> Iterator[Problem]:
+    """What is wrong with the shape of a source of smoke or liquid."""
+    shape, path = source.shape, source.path
+    if isinstance(shape, Surface):
+        yield from solid(shape, path)
+    elif isinstance(shape, PointCloud):
+        yield from cloud_problems(shape, path)
+    elif type(shape) not in [each.shape for each in solids.SOLIDS]:
+        yield error(path, f"its shape is a {type(shape).__name__}",
+                    f"{', '.join(each.shape.__name__ for each in solids.SOLIDS)}, Surface, PointCloud", "give it one of these")
+    else:
+        for name, value in row(shape).named(shape).items():
+            for v in np.atleast_1d(value):
+                yield from number(path, name, float(v), 0.0, name not in row(shape).vanishing)
+
+
+def bounding_radius(shape: Any) -> float:
+    """Radius about its own origin that holds a shape [m]; inf of a plane, and of what is no shape."""
+    if isinstance(shape, PointCloud):
+        return shape.bounding_radius
+    if isinstance(shape, Surface):
+        return float(np.linalg.norm(shape.points, axis=1).max(initial=0.0))
+    return float(row(shape).ball(shape)) if type(shape) in [each.shape for each in solids.SOLIDS] else np.inf
+
+
+def touches_box(shape: Any, places: np.ndarray, domain: Any) -> bool:
+    """Whether the ball about a shape touches the box of a domain, its origin at one of the places (n, 3) [m]."""
+    nearest = np.clip(places, domain.low, domain.high)
+    return bool((np.linalg.norm(places - nearest, axis=1) <= bounding_radius(shape)).any())
 
 
 def solid(shape: Surface, path: str) -> Iterator[Problem]:

@@ -2,7 +2,8 @@
 
 The box of a domain is the world box of its prim: of a Cube its size, of any other (an Xform, a Volume) its extent. It is
 written as a Cube of purpose guide, with its corners as custom data beside it, which count as long as the Cube still says them:
-sums of a centre and a half are not exact. Sources have the shapes of colliders.
+sums of a centre and a half are not exact. Sources have the shapes of colliders, or
+are Points.
 """
 
 from typing import Any
@@ -10,12 +11,12 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdVol, Vt
 
+from wsim.physics.collider.cloud_usd import SOURCES, author_source_shape, has_source_shape, load_source_shape
 from wsim.physics.fluid.objects import Fluid, Source
 from wsim.scene.curve import Curve, Motion
 from wsim.usd import names
 from wsim.usd.attributes import array, attribute_of, authored, read, read_values, size
 from wsim.usd.attributes import author as write
-from wsim.usd.prims.colliders import author_shape, has_shape, load_shape
 from wsim.usd.stage import Reading, Units, applied
 from wsim.usd.transforms import author_motion, placement
 from wsim.usd.transforms.curves import author_curve, read_curve
@@ -112,9 +113,9 @@ def box(reading: Reading, prim: Usd.Prim, api: str) -> tuple[np.ndarray, np.ndar
 
 def _source(reading: Reading, prim: Usd.Prim) -> Source | None:
     path, units = str(prim.GetPath()), reading.units
-    if not has_shape(prim):
+    if not has_source_shape(prim):
         reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.WSIM_SOURCE}; a source has a "
-                     "shape: a Plane, Sphere, Cube, Capsule, Cylinder, Cone or a closed Mesh")
+                     f"shape: {SOURCES}")
         return None
     if names.COLLISION in applied(prim):
         reading.fail(path, f"has {names.WSIM_SOURCE} and {names.COLLISION}: there is no air within an obstacle; author the "
@@ -125,7 +126,7 @@ def _source(reading: Reading, prim: Usd.Prim) -> Source | None:
     if len(targets) > 1:
         reading.fail(path, f"{names.INTO} names {', '.join(targets)}; name one domain, or none for all")
         return None
-    found = load_shape(reading, prim)
+    found = load_source_shape(reading, prim)
     if found is None:
         return None
     values: dict[str, Any] = read_values(prim, "Source", units)
@@ -179,7 +180,7 @@ def _author_domain(stage: Usd.Stage, fluid: Fluid, units: Units) -> None:
 
 
 def _author_source(stage: Usd.Stage, source: Source, units: Units) -> None:
-    prim = author_shape(stage, source, units, 0)
+    prim = author_source_shape(stage, source, units)
     UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim.AddAppliedSchema(names.WSIM_SOURCE)
     if source.fluid:

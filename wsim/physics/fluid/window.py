@@ -19,23 +19,13 @@ from wsim.model.structs import filled
 from wsim.physics.fluid.grid.direct import MOST
 from wsim.physics.fluid.grid.domain import Domain
 from wsim.physics.fluid.grid.multigrid import AXES
-from wsim.scene import Plane, Surface
-from wsim.scene.solids import row
+from wsim.physics.fluid.start import bounding_radius
 
 ROUND = 8                # cells: sides stand at multiples of it
 LEAST = 4                # cells of margin at least
 # how far off what has risen is by, from a margin on: puff, ring and plume of tools/bench/fluid/margin.py
 MEASURED = ((1.0, "up to 0.2 %"), (0.75, "0.1 to 0.5 %"), (0.5, "0.1 to 1 %"), (0.0, "more than 1 %"))
 Box = tuple[np.ndarray, np.ndarray]                    # first cell and that behind the last one, along the grid's axes
-
-
-def ball(shape: Any) -> float:
-    """Radius about its origin [m]."""
-    if isinstance(shape, Plane):
-        return np.inf
-    if isinstance(shape, Surface):
-        return float(np.linalg.norm(shape.points, axis=1).max(initial=0.0))
-    return float(row(shape).ball(shape))
 
 
 def stated(windows: list["Window"]) -> str:
@@ -82,7 +72,7 @@ class Window:
         moving = [c for c in self.method.scene.colliders if c.motion.moves]
         for thing in (*self.sources, *moving):
             for t in (time, time + dt):
-                place, radius = thing.motion.at(t)[:3, 3][axes], ball(thing.shape)
+                place, radius = thing.motion.at(t)[:3, 3][axes], bounding_radius(thing.shape)
                 low, high = ((place + s * radius - self.fluid.low[axes]) / self.fluid.cell for s in (-1.0, 1.0))
                 low, high = np.clip(np.floor(low), 0, n), np.clip(np.ceil(high), 0, n)
                 if (low < high).all():

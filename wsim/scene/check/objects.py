@@ -12,7 +12,7 @@ import numpy as np
 
 from wsim.geometry import topology
 from wsim.geometry.triangulate import triangulate
-from wsim.scene import CLOTH_MODELS, Cloth, Collider, Plane, Problem, Springs, Surface
+from wsim.scene import CLOTH_MODELS, Cloth, Collider, Plane, Problem, Springs, Surface, solids
 from wsim.scene.check import mesh
 from wsim.scene.check.counts import MANY, MOST
 from wsim.scene.curve import Motion
@@ -266,6 +266,9 @@ def muscles(net: Springs) -> Iterator[Problem]:
 def collider(thing: Collider) -> list[Problem]:
     path, shape = thing.path, thing.shape
     found = list(values(thing))
+    if type(shape) not in (known := [Surface, *(each.shape for each in solids.SOLIDS)]):
+        return [*found, error(path, f"its shape is a {type(shape).__name__}", ", ".join(each.__name__ for each in known),
+                              "give it one of these")]
     if isinstance(shape, Surface):
         found += placed(path, shape.points, thing.motion)
         found += surface(shape, path)

@@ -1,4 +1,4 @@
-"""A bare closed mesh -> a small scene layer in which it smokes, or is full of liquid.
+"""A bare closed mesh, shape or cloud of points -> a small scene layer in which it smokes, or is full of liquid.
 
 Smoke: a source that keeps hot smoke inside, in a domain around it with room for the smoke to rise. Liquid: what is full at the
 start, in a tank with room to fall and to spread. See mesh.py for what both have in common with cloth and soft bodies.
@@ -7,7 +7,7 @@ start, in a tank with room to fall and to spread. See mesh.py for what both have
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
@@ -18,13 +18,15 @@ from wsim.scene import Problem, Scene, SceneError
 from wsim.usd import names
 from wsim.usd.attributes import author, read
 from wsim.usd.new.colliders import author_colliders
-from wsim.usd.new.mesh import Bare, Wanted, bare_mesh, scene_over, size_notes
+from wsim.usd.new.mesh import Bare, Wanted, bare_mesh, scene_over, size_notes, world_points
 from wsim.usd.new.place import author_ground, author_settings, put, settle, under
 from wsim.usd.stage import open_stage
 
 CELLS = 64                         # along the longest edge of the domain
 SMOKE, HEAT = 1.0, 100.0           # that are kept inside: dense, and [K] over the air around
 WATER = (0.1, 0.32, 0.6)           # colour of its particles
+SHAPES = ("Mesh", "Sphere", "Cube", "Capsule", "Cylinder", "Cone", "Points")       # what may smoke or be full of water
+MOST = 2000                        # frames whose places are looked at
 TALL = 20.0                        # [m]: a mesh beyond is probably in other units than its file says
 
 
@@ -45,7 +47,8 @@ TANK = Room("tank", names.WSIM_LIQUID, "Liquid", 1.0, 0.5, 0.5)
 
 
 def author_fluid(mesh_file, out, prim: str | None = None, *, cells: int = CELLS, **wanted) -> list[Problem]:
-    """Writes a scene `out` (.usda, .usdc, .usd) in which a closed Mesh of `mesh_file` smokes. Returns warnings.
+    """Writes a scene `out` (.usda, .usdc, .usd) in which a closed Mesh, a shape or Points of `mesh_file` smokes. Returns
+    warnings.
 
     cells           along the longest edge of the domain
     prim, wanted    ground, meters_per_unit, frames, colliders: see `wsim.usd.new.mesh.Wanted`
@@ -67,8 +70,8 @@ def author_fluid(mesh_file, out, prim: str | None = None, *, cells: int = CELLS,
 
 
 def author_liquid(mesh_file, out, prim: str | None = None, *, cells: int = CELLS, **wanted) -> list[Problem]:
-    """Writes a scene `out` (.usda, .usdc, .usd) in which a closed Mesh of `mesh_file` is full of water at the start. Returns
-    warnings.
+    """Writes a scene `out` (.usda, .usdc, .usd) in which a closed Mesh, a shape or Points of `mesh_file` is full of water
+    at the start. Returns warnings.
 
     cells           along the longest edge of the tank
     prim, wanted    ground, meters_per_unit, frames, colliders: see `wsim.usd.new.mesh.Wanted`
@@ -86,6 +89,15 @@ def author_liquid(mesh_file, out, prim: str | None = None, *, cells: int = CELLS
     return notes
 
 
+def swept_over(source: Usd.Stage, bare: Bare) -> Bare:
+    """With the points of all its frames: a source that moves stays in its domain."""
+    prim, codes = source.GetPrimAtPath(bare.path), bare.units.start + np.arange(1, min(bare.frames, MOST) + 1)
+    moved = [world_points(prim, bare.units, float(code)) for code in codes]
+    if all(np.array_equal(points, bare.world) for points in moved):
+        return bare
+    return replace(bare, world=np.concatenate([bare.world, *moved]))
+
+
 @contextmanager
 def _begun(mesh_file, out, asked: Wanted, cells: int, words: tuple[str, str, str],
            notes: list[Problem]) -> Iterator[tuple[Usd.Stage, Bare]]:
@@ -97,9 +109,12 @@ def _begun(mesh_file, out, asked: Wanted, cells: int, words: tuple[str, str, str
     if cells < 8:
         raise SceneError(Problem("cells", f"{cells} along the longest edge; allowed are 8 and more"))
     source = open_stage(mesh_file, notes=notes)
-    bare = bare_mesh(source, mesh_file, out, ("Mesh",), asked, fluid)
+    bare = bare_mesh(source, mesh_file, out, SHAPES, asked, fluid)
     notes += size_notes(source, bare, asked, TALL, what)
-    _closed(source, bare, fluid)
+    if bare.kind == "Mesh":
+        _closed(source, bare, fluid)
+    if fluid == "smoke":
+        bare = swept_over(source, bare)
     del source
     with scene_over(bare, out, f"{os.path.basename(bare.file)} with {bare.path} {how}", notes) as stage:
         bare = settle(stage, bare)

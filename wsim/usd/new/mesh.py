@@ -73,17 +73,35 @@ def bare_mesh(source: Usd.Stage, file, out, kinds: tuple[str, ...], wanted: Want
         if not (np.isfinite(given) and given > 0):
             raise SceneError(Problem(file, f"meters_per_unit is {given:g}; allowed is a finite number > 0"))
         units = Units(given, units.kilograms, units.up, units.fps, units.start)
-    points = UsdGeom.PointBased(mesh).GetPointsAttr().Get(Usd.TimeCode(units.start))
-    if not points:
+    if not len(outline_points(mesh, units.start)):
         raise SceneError(Problem(str(mesh.GetPath()), "has no points (is a payload or reference missing?)"))
     if overwritten(out, file):
         raise SceneError(Problem(os.fspath(out), "is a file that the mesh is made of; choose another output"))
-    M = np.array(UsdGeom.XformCache(Usd.TimeCode(units.start)).GetLocalToWorldTransform(mesh))
-    world = (np.array(points, np.float64) @ M[:3, :3] + M[3, :3]) * units.metres
+    world = world_points(mesh, units, units.start)
     units, frames = _times(source, units, wanted)
     default = source.GetDefaultPrim()
     root = default.GetPath() if default and mesh.GetPath().HasPrefix(default.GetPath()) else mesh.GetPath().GetPrefixes()[0]
     return Bare(file, mesh.GetPath(), str(mesh.GetTypeName()), units, frames, world, str(root))
+
+
+def outline_points(prim: Usd.Prim, time: float) -> np.ndarray:
+    """Points of a mesh, of Points those at the sides of their balls, corners of the extent of any other shape, (n, 3), own
+    frame, in stage units."""
+    if prim.IsA(UsdGeom.PointBased):
+        points = UsdGeom.PointBased(prim).GetPointsAttr().Get(Usd.TimeCode(time))
+        if points and prim.IsA(UsdGeom.Points):
+            half = 0.5 * np.max(UsdGeom.Points(prim).GetWidthsAttr().Get(Usd.TimeCode(time)) or [0.0])
+            points = np.concatenate([np.array(points) - half, np.array(points) + half])
+    else:
+        ends = UsdGeom.Boundable.ComputeExtentFromPlugins(UsdGeom.Boundable(prim), Usd.TimeCode(time))
+        points = None if ends is None else [[ends[k >> a & 1][a] for a in range(3)] for k in range(8)]
+    return np.array([] if points is None else points, np.float64).reshape(-1, 3)
+
+
+def world_points(prim: Usd.Prim, units: Units, time: float) -> np.ndarray:
+    """Those points in the world at a time code, (n, 3) float64 [m]."""
+    M = np.array(UsdGeom.XformCache(Usd.TimeCode(time)).GetLocalToWorldTransform(prim))
+    return (outline_points(prim, time) @ M[:3, :3] + M[3, :3]) * units.metres
 
 
 def _times(source: Usd.Stage, units: Units, wanted: Wanted) -> tuple[Units, int]:

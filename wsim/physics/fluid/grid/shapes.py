@@ -11,6 +11,7 @@ from wsim.model.model import Model
 from wsim.model.structs import filled
 from wsim.physics.collider.table import ColliderTable
 from wsim.physics.contact.mesh import facing
+from wsim.physics.fluid.start import bounding_radius
 from wsim.scene import Box, Surface
 from wsim.scene.solids import row
 
@@ -105,6 +106,4 @@ class Shapes(ColliderTable):
 
     def ball(self, k: int) -> float:
         """Radius about its own origin that holds a shape [m]."""
-        shape = self.things[k].shape
-        own = np.linalg.norm(shape.points, axis=1).max(initial=0.0) if isinstance(shape, Surface) else row(shape).ball(shape)
-        return float(own) + self.thick[k]
+        return bounding_radius(self.things[k].shape) + self.thick[k]

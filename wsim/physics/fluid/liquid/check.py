@@ -8,9 +8,8 @@ from wsim.physics.fluid import start
 from wsim.physics.fluid.check import LEAST, LONG
 from wsim.physics.fluid.liquid.objects import KINDS, ROLES, TRANSFERS, Liquid, LiquidSource
 from wsim.physics.fluid.objects import SIDES
-from wsim.scene import Plane, Problem, Scene, Springs, Surface
-from wsim.scene.check.objects import count, error, number, rigid, warning
-from wsim.scene.solids import row
+from wsim.scene import Problem, Scene, Springs
+from wsim.scene.check.objects import count, error, rigid, warning
 
 
 def check(thing: Liquid | LiquidSource, scene: Scene) -> Iterator[Problem]:
@@ -90,12 +89,10 @@ def _sides(liquid: Liquid) -> Iterator[Problem]:
 def _source(source: LiquidSource, scene: Scene) -> Iterator[Problem]:
     path, liquids = source.path, scene.things("Liquid")
     yield from rigid(path, source.motion, "put the scale into the shape's sizes")
-    if isinstance(source.shape, Surface):
-        yield from start.solid(source.shape, path)
-    else:
-        for name, value in row(source.shape).named(source.shape).items():
-            for v in np.atleast_1d(value):
-                yield from number(path, name, float(v), 0.0, name not in row(source.shape).vanishing)
+    found = list(start.source_shape(source))
+    yield from found
+    if any(problem.fatal for problem in found):
+        return
     if source.role not in ROLES:
         yield error(path, f"role is '{source.role}'", ", ".join(ROLES), "choose one of them")
     if source.velocity is not None and not np.isfinite(source.velocity).all():
@@ -115,12 +112,4 @@ def _source(source: LiquidSource, scene: Scene) -> Iterator[Problem]:
 
 def _meets(source: LiquidSource, liquid: Liquid) -> bool:
     """Whether its ball touches the box at a key of its motion (of a start, at the first)."""
-    if isinstance(source.shape, Plane):
-        return True
-    if isinstance(source.shape, Surface):
-        ball = float(np.linalg.norm(source.shape.points, axis=1).max(initial=0.0))
-    else:
-        ball = row(source.shape).ball(source.shape)
-    places = source.motion.values[:1 if source.role == "start" else None, :3, 3]
-    nearest = np.clip(places, liquid.low, liquid.high)
-    return bool((np.linalg.norm(places - nearest, axis=1) <= ball).any())
+    return start.touches_box(source.shape, source.motion.values[:1 if source.role == "start" else None, :3, 3], liquid)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wsim.physics.collider.point_cloud import PointCloud
 from wsim.physics.fluid.objects import Cubes
 from wsim.physics.rigid.objects import vector
 from wsim.scene.bodies import Compared
@@ -69,7 +70,7 @@ class LiquidSource(Compared):
     scene.liquid("/tank", (0, 0, 0), (1, 1, 1), cell=0.1), Box((0.5, 0.2, 0.5)), at=(0.5, 0.2, 0.5))`.
 
     path        prim path
-    shape       as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, or a closed Surface
+    shape       as of a collider: Sphere, Box, Capsule, Cylinder, Cone, Plane, a closed Surface, or a PointCloud
     motion      own frame to world over time, rigid, lengths [m]
     liquid      prim path of the domain; "": all
     role        "start" (filled when the scene starts), "source" (kept full while `strength` is above 0) or "sink" (emptied
@@ -79,7 +80,7 @@ class LiquidSource(Compared):
     """
 
     path: str
-    shape: Shape
+    shape: Shape | PointCloud
     motion: Motion = field(default_factory=Motion.still)
     liquid: str = ""
     role: str = "start"

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wsim.geometry.triangulate import triangulate
+from wsim.physics.collider.point_cloud import PointCloud, fill_lattice
 from wsim.physics.collider.table import kind
 from wsim.physics.fluid.liquid.objects import ACROSS, Liquid, LiquidSource
 from wsim.physics.fluid.shells import shells
@@ -31,6 +32,8 @@ def within(thing, first: np.ndarray, edge: np.ndarray, low: np.ndarray, high: np
     a convex one less than margin [m], which below 0 is within."""
     index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True)), indexing="ij"), -1).reshape(-1, 3)
     M, shape = thing.motion.at(0.0), thing.shape
+    if isinstance(shape, PointCloud):
+        return fill_lattice(shape, M, first, edge, low, high, margin)
     if not isinstance(shape, Surface):
         return row(shape).distance(shape, (first + edge * index - M[:3, 3]) @ M[:3, :3]) < margin
     from wsim.geometry.tetra.inside import Rays

@@ -5,12 +5,12 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom
 
+from wsim.physics.collider.cloud_usd import SOURCES, author_source_shape, has_source_shape, load_source_shape
 from wsim.physics.fluid.liquid.objects import Liquid, LiquidSource
 from wsim.physics.fluid.usd import CELLS, author_box, author_strength, box, strength
 from wsim.usd import names
 from wsim.usd.attributes import author as write
 from wsim.usd.attributes import authored, read, read_values
-from wsim.usd.prims.colliders import author_shape, has_shape, load_shape
 from wsim.usd.stage import Reading, Units, applied
 
 SETTINGS = ("sides", "transfer", "volume", "steps", "most_steps")
@@ -50,16 +50,16 @@ def _domain(reading: Reading, prim: Usd.Prim) -> Liquid | None:
 
 def _source(reading: Reading, prim: Usd.Prim) -> LiquidSource | None:
     path, units = str(prim.GetPath()), reading.units
-    if not has_shape(prim):
-        reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.WSIM_POUR}; it has a shape: a "
-                     "Plane, Sphere, Cube, Capsule, Cylinder, Cone or a closed Mesh")
+    if not has_source_shape(prim):
+        reading.fail(path, f"is a {prim.GetTypeName() or 'prim without a type'} with {names.WSIM_POUR}; it has a shape: "
+                     f"{SOURCES}")
         return None
     relationship = prim.GetRelationship(names.POURED)
     targets = [str(target) for target in relationship.GetForwardedTargets()] if relationship else []
     if len(targets) > 1:
         reading.fail(path, f"{names.POURED} names {', '.join(targets)}; name one domain, or none for all")
         return None
-    found = load_shape(reading, prim)
+    found = load_source_shape(reading, prim)
     if found is None:
         return None
     values = {name: value for name in ("role", "velocity") if (value := read(prim, "LiquidSource", name, units)) is not None}
@@ -81,7 +81,7 @@ def author(stage: Usd.Stage, thing: Liquid | LiquidSource, units: Units) -> None
 
 
 def _author_source(stage: Usd.Stage, source: LiquidSource, units: Units) -> None:
-    prim = author_shape(stage, source, units, 0)
+    prim = author_source_shape(stage, source, units)
     UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
     prim.AddAppliedSchema(names.WSIM_POUR)
     if source.liquid:
