@@ -1,4 +1,4 @@
-"""The table of wsim's USD attributes in scenes/README.md, from the schema. Run: python -m tools.schema_table (writes it anew).
+"""The tables of wsim's USD attributes in wsim/docs/schema.md, from the schema. It writes them: python -m tools.schema_table
 
 tests/tools/test_readme.py fails where the table and wsim/usd/schema/generatedSchema.usda differ.
 """
@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Sdf
 
 ROOT = Path(__file__).resolve().parents[1]
-SCHEMA, README = ROOT / "wsim/usd/schema/generatedSchema.usda", ROOT / "scenes/README.md"
+SCHEMA, PAGE = ROOT / "wsim/usd/schema/generatedSchema.usda", ROOT / "wsim/docs/schema.md"
 HEAD = "| attribute | type | fallback | meaning |\n|---|---|---|---|"
 BEGIN, END = "<!-- schema: python -m tools.schema_table -->", "<!-- end of schema -->"
 
@@ -39,10 +39,10 @@ def line(text: str) -> str:
 
 
 def written(text: str) -> str:
-    """A README with the table of now between its marks."""
+    """The page with the table of now between its marks."""
     before, _, rest = text.partition(BEGIN)
     return f"{before}{BEGIN}\n\n{table()}\n{END}{rest.partition(END)[2]}"
 
 
 if __name__ == "__main__":
-    README.write_text(written(README.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -79,7 +79,7 @@ def test_no_figure_stands_in_it_that_the_results_do_not_hold():
 
 
 def test_the_table_of_the_schema_is_that_of_the_schema():
-    text = schema_table.README.read_text(encoding="utf-8")
+    text = schema_table.PAGE.read_text(encoding="utf-8")
     assert schema_table.BEGIN in text and schema_table.written(text) == text
 
 

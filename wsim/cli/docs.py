@@ -7,7 +7,7 @@ from wsim.scene import Problem, SceneError
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs"
 FIRST = ("start", "concepts")              # the order of a reader; the others by name, LAST at the end
-LAST = ("frame", "extending", "troubleshooting", "limits")
+LAST = ("schema", "frame", "extending", "troubleshooting", "limits")
 
 
 def pages() -> dict[str, Path]:
@@ -23,7 +23,7 @@ def docs(args) -> int:
     if args.topic is None:
         for name, path in found.items():
             print(f"{name:{max(map(len, found))}}  {path.read_text(encoding='utf-8').partition(chr(10))[0].lstrip('# ')}")
-        print("\nRead one: wsim docs TOPIC. Fields of a class: help(wsim.Cloth) in Python. Attributes in USD: scenes/README.md")
+        print("\nRead one: wsim docs TOPIC. Fields of a class: help(wsim.Cloth) in Python. Attributes in USD: wsim docs schema")
         return 0
     topic = args.topic.replace("-", "_").lower()
     if topic not in found:
