@@ -276,7 +276,7 @@ def words(files: dict[Path, str]) -> Iterator[str]:
 def texts(root: Path = ROOT) -> dict[Path, str]:
     """Every text that is not Python: scenes, documents, settings, figures."""
     found = {}
-    for folder in (".", ".ci", "scenes", "tools/results"):
+    for folder in (".", ".ci", "scenes", "tools/results", "tools/results/data"):
         for path in sorted((root / folder).glob("*")):
             if path.is_file() and path.suffix in TEXTS and path.name != "LICENSE":
                 found[path.relative_to(root)] = path.read_text(encoding="utf-8")

@@ -2,7 +2,7 @@
 
 A row says what is computed, where the fast path is taken, how it is switched off, what it gains, and which test compares it
 with the general path. `python -m tools.bench.choice.fast_paths` measures the gains and prints the table of
-tools/results/README.md; tests/bench/test_fast_paths.py holds rows to the code: a new file of native code needs a row, or a
+tools/results/fast_paths.md; tests/bench/test_fast_paths.py holds rows to the code: a new file of native code needs a row, or a
 reason in NATIVE.
 """
 

@@ -12,7 +12,7 @@ errs by no more than `Scene.error` of the scene's size over the time T = sqrt(2 
                 that carry a cloth than STRAINED times that error
 
 What each errs by: `wsim.simulation.predicted.errors`. What a frame costs: `wsim.simulation.cost`. How often the choice misses:
-tools/bench/choice/misses.py (tools/results/choice_*.json). For so many frames a second: `wsim.simulation.predicted.rate`.
+tools/bench/choice/misses.py (tools/results/data/choice_*.json). For so many frames a second: `wsim.simulation.predicted.rate`.
 """
 
 from collections.abc import Callable

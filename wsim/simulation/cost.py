@@ -1,7 +1,7 @@
 """Seconds that a frame takes by each solver, known before any is run: what it does, counted, times what each costs.
 
     counts     how often a frame of a plan does what COSTS has the seconds of, by name
-    COSTS      by kind of device, fitted to what tools/bench/choice/misses.py measured (tools/results/choice_*.json), which
+    COSTS      by kind of device, fitted to what tools/bench/choice/misses.py measured (tools/results/data/choice_*.json), which
                prints the fitted constants; nothing is timed at build
 
     step, spring, element       a substep of leapfrog (one more for each kind of element), a spring in it, an element by weight

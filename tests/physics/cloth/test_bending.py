@@ -26,7 +26,7 @@ DOUBLE = {"device": "cpu", "precision": "float64"}
 @meshes
 def test_a_strip_bends_alike_on_every_mesh_with_order_two(mesh):
     """Within 1.3 % at ten cells, and a quarter of that with each halving. Hinges, each by itself, are off by 6 to 50 % at forty
-    (tools/results/bending.json)."""
+    (tools/results/data/bending.json)."""
     for cells in (10, 20, 40):
         assert drop(mesh, cells) == pytest.approx(1.0, abs=1.3e-2 * (10.0 / cells)**2)
 

@@ -1,6 +1,6 @@
 """How far strips of one material sink under their weight on six kinds of mesh, over what beam theory says.
 
-    python -m tools.bench.bending.cantilever [--json tools/results/bending.json]
+    python -m tools.bench.bending.cantilever [--json tools/results/data/bending.json]
 
 A strip of 1 x 0.25 m, clamped at one end, bend 1, w L^4 / (8 B) at its tip; small angles, NumPy on the engine's coefficients.
 Two rows a mesh: the curvatures of `wsim.physics.cloth.bending`, and each hinge by itself (bend l^2 / A), as wsim had it before.

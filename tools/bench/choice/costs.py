@@ -4,7 +4,7 @@
 
 so that what no row tells apart stays as it is.
 
-    python -m tools.bench.choice.costs tools/results/choice_h200.json [--kind cuda]
+    python -m tools.bench.choice.costs tools/results/data/choice_h200.json [--kind cuda]
 
 replays a file of misses.py without running anything: the run of each scene that today's COSTS hold for the fastest of those
 measured to err by no more than WANTED, and its measured time over the least of them.

@@ -5,7 +5,7 @@
 
     strain     (length - rest) / rest of the edge that is stretched most, after frames 3, 6 and 12 [%]
     converged  the same of leapfrog of 2 n substeps, n those that are stable; `--make` keeps it and that of n substeps, both in
-               float32 on a CPU, in tools/results/peak_strains.json
+               float32 on a CPU, in tools/results/data/peak_strains.json
     apart      larger of the two references over the smaller, largest of the three frames: chance above about 1.5
     ratio      strain over the converged one, largest of the three frames; OVER where it is above 1.5 and no warning names both,
                small where no strain is above LEAST
@@ -32,7 +32,7 @@ from wsim.simulation.simulation import Simulation  # noqa: E402
 from wsim.usd import load  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
-KEPT = ROOT / "tools" / "results" / "peak_strains.json"
+KEPT = ROOT / "tools" / "results" / "data" / "peak_strains.json"
 FRAMES = 3, 6, 12
 ALLOWED = 1.5
 MANY = 100_000             # substeps with which any of the scenes is stable

@@ -2,7 +2,7 @@
 
 Many draws of noise on the experiments of tools/bench/fitting/cases.py:
 
-    python tools/bench/fitting/coverage.py [--draws 20] [--only net,drag,...] [--json tools/results/fit_cpu.json]
+    python tools/bench/fitting/coverage.py [--draws 20] [--only net,drag,...] [--json tools/results/data/fit_cpu.json]
 
 A row a parameter: draws inside two error bars of the truth, root mean square of (found - truth) over the error bar (1: bars are
 right), error bar. Of parameters that are not known apart: draws in which a fit said so and gave no finite bar, and a row of the

@@ -21,8 +21,8 @@ those R of the five hinges, A = G^T G, e = SHARP tr A (a direction of S that the
 
 Whatever the split, E_0 is not below what Morley's element has at these points: no mode has an energy of 0 but those that
 bend nothing. Forces of a constant moment cancel, and S of a quadratic surface is right: E_0 converges with the square of the
-size of triangles (tools/results/bending.json). The free border of a sheet bears no moment across: the angle there makes E_0
-least. A triangle whose three points are pinned hard is a clamp: it does not bend, and a hinge beside it belongs to the other
+size of triangles (tools/results/data/bending.json). The free border of a sheet bears no moment across: the angle there makes
+E_0 least. A triangle with three hard pins is a clamp: it does not bend, and a hinge beside it belongs to the other
 triangle, so that a strip begins where its pins end. S has no Poisson's ratio: a strip of any width bends with `bend`. Hinges of
 an edge with three triangles and more, or of a triangle without height, stand alone: E = 1/2 bend l^2 / A theta^2, A the area of
 both.

@@ -3,7 +3,7 @@ and the margin around it. It follows them from frame to frame; elsewhere air is 
 
 Its sides are those of the domain where it reaches them, else open ones. Between frames it is made anew, with another graph, if
 the margin is not kept, or twice as many cells as that takes are solved; a frame in whose end half of the margin is gone is
-repeated with a larger one. How wrong open sides are, by margin: kernels/fluid/passes/window.py, tools/results/README.md.
+repeated with a larger one. How wrong open sides are, by margin: kernels/fluid/passes/window.py, tools/results/fluids.md.
 """
 
 from dataclasses import replace

@@ -9,7 +9,7 @@ run: with steps h, tau = sqrt(L / g), omega the highest frequency of the scene,
     step               of its turn, which the next step takes back; drag of the air and colliders leave order 1
     sdirk3             of soft bodies, two Newton steps: THIRD g h^2
 
-Measured over this, where nothing is hit and it is below 0.1 L (tools/results/choice_newton_cpu.json, newton_h100.json):
+Measured over this, where nothing is hit and it is below 0.1 L (tools/results/data/choice_newton_cpu.json, newton_h100.json):
 leapfrog 0.02 to 1.7, XPBD 0.2 to 1.03, BDF2 0.2 to 1.3. More err sheets that wrinkle on a collider, BDF2 that gives way as its
 residual is missed (3.8 times, 48 points a side, 5 kN/m), and a cube on a stretched sheet whose points it shares (7 times).
 What flutters is not predicted.
