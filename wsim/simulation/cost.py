@@ -24,9 +24,13 @@
                                 touch a convex shape, in a substep; a damped tet in a Newton step, times sqrt(1 + damping
                                 time / step), as the iterations of its solve go; a rigid body, or what else
                                 other methods move, in a substep
+    rigid, contact, joint       a substep of rigid bodies, a point of contact in it, a joint; on a GPU, which takes chains one
+                                after the other, a joint of the longest chain
     rods, rod, ropes, rope      a substep of strands that are solved for one by one, a point of them in it; of such as may touch
                                 each other, or rigid bodies, likewise
     grid, cell                  an object that says of how many `elements` it is made, a frame; an element of it
+    walled, emitted             an element beside each collider's obstacles, and beside each source
+    tank, drop                  a liquid, a frame; a particle that it has at the start
     sheet, shared, sent         a substep of sheets and tets that blocks share, the work of a block, what a grid of them takes
                                 to send places, or velocities (H200, tools/bench/choice/blocks.py: blocks_h200.json)
     struck, tried, faced        what convex colliders add to it, each of them, and a mesh (H200: a sheet of 33 x 33 on 16, 100
@@ -59,6 +63,9 @@ from wsim.scene.methods import every, loads_of_bodies, touches
 # least CPU seconds of 6 to 12 frames, said to take 0.9 to 1.3 of what they do (12k points, which leave the cache: 0.6)
 # surfaces, surfaced: two falling layers 2 mm apart of 9, 17 and 25 points a side, 24 to 80 substeps (one core, others busy: 2.1
 # to 3.3, 6.6 and 17 to 24 ms a substep, by leapfrog as by XPBD); of a GPU what the twist of 50k points takes, 19 to 30 ms by 24
+# rigid to drop: CPU, medians of bricks, dominoes, a pyramid, an arch, cards, a humanoid, a plume, 1, 20 and 100 sources, a dam,
+# a tank: said to take 0.6 to 1.4 of their frames (one core); H200: scenes_h200.json, a pile of 1000 bodies, a tank of a million
+# particles (tools/results/README.md); no scene there has many sources
 # rods to rope: CPU, hairs of 32 points on a ball, a shaken head, a knot, a net under three bodies: said to take 0.5 to 1.4 of
 # their frames in the mean; H200: 100 and 10000 hairs (3 to 15 ms by 4), 4 ropes under a box and 64 under 16 (60 and 91 ms by 4)
 COSTS = {
@@ -69,13 +76,15 @@ COSTS = {
              "sheet": 1.8e-6, "shared": 5.8e-10, "sent": 4.5e-7, "struck": 3.3e-6, "tried": 1.6e-7, "faced": 1.6e-5,
              "limited": 4.6e-6, "surfaces": 4e-4, "surfaced": 1e-8,
              "cluster": 3.5e-7, "clustered": 9e-11, "met": 3e-11, "damped": 5e-9, "body": 1e-8, "grid": 1.5e-3, "cell": 3e-9,
+             "rigid": 2.2e-4, "contact": 7e-8, "joint": 3.8e-4, "walled": 0.0, "emitted": 1e-11, "tank": 3e-3, "drop": 1.5e-8,
              "rods": 1e-3, "rod": 7e-9, "ropes": 1.3e-2, "rope": 4e-6},
     "cpu": {"step": 2.6e-7, "spring": 1.18e-9, "element": 1.32e-8, "packed": 1.9e-9, "beside": 3.5e-8,
             "aired": 6e-8, "block": 1.8e-6, "tet": 5e-8, "rest": 4.5e-6,
             "sweep": 6e-7, "projection": 1.43e-8, "newton": 2e-5, "solved": 1.02e-6,
             "assembled": 1.09e-7, "gradient": 0.0, "conjugate": 9.4e-8, "pressed": 0.0, "touch": 1e-6, "near": 1.6e-8,
             "surfaces": 1e-4, "surfaced": 1.3e-5,
-            "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "wide": 0.0, "damped": 8e-7, "body": 4e-6, "grid": 1e-4, "cell": 5e-6,
+            "met": 1.2e-7, "blown": 2e-6, "mesh": 0.0, "wide": 0.0, "damped": 8e-7, "body": 1e-6, "grid": 1e-4, "cell": 2e-6,
+            "rigid": 2.5e-5, "contact": 6.5e-7, "joint": 1.25e-5, "walled": 8e-7, "emitted": 1.5e-8, "tank": 0.0, "drop": 1e-5,
             "rods": 0.0, "rod": 4e-6, "ropes": 3e-3, "rope": 1e-5}}
 TEN = 8.0, 12.0        # work of a quadratic tet over that of a linear one: its forces, its part of a Newton step (CPU)
 ALONE = 2.2            # a tet that is taken by itself, over one of a packet (CPU, one core: 110 and 50 ns with its points)
@@ -88,6 +97,7 @@ SLOW = 430.0           # substeps a second, below which a search beside a mesh g
 CLUSTERED = 8192       # points of a net, up to which a cluster takes it
 ITERATED = 2048        # points of a sheet, up to which a cluster of CLUSTER blocks has its rows in registers
 CLUSTER, GRID = 16, 128
+OTHERS = "Rods", "Body", "Fluid", "Liquid", "Source", "LiquidSource", "Joint", "Group", "FilteredPairs"      # counted apart
 RATE = 8.0             # root of omega h of soft bodies where it is not known
 
 
@@ -212,13 +222,18 @@ def _besides(model: Model, n: int, steps: int) -> dict[str, float]:
     damped = sum(len(b.tets) * sqrt(1.0 + rate * most) for b in model.bodies if isinstance(b.source, Soft)
                  and (most := max((m.damping for m in b.source.materials), default=0.0)))
     rods = scene.things("Rods")
-    others = [thing for name, found in scene.others.items() for thing in found if name != "Rods"]
-    grids = [thing.elements for thing in others if hasattr(thing, "elements")]
+    others = [thing for name, found in scene.others.items() for thing in found if name not in OTHERS]
+    substep: dict[str, float] = {}
+    each_frame: dict[str, float] = {}
+    if any(scene.things(name) for name in OTHERS[1:4]):
+        from wsim.simulation.predicted.scene_counts import count_others
+        substep, each_frame = count_others(scene, model.device.is_cuda)
     each, one = ("ropes", "rope") if scene.things("Body") or any(r.self_collision for r in rods) else ("rods", "rod")
     strands = {each: n, one: n * sum(len(r.points) for r in rods) * model.worlds} if rods else {}
     return strands | {"met": n * model.points * convex, "damped": steps * damped,
-                      "body": n * (len(others) - len(grids)) * model.worlds,
-                      "grid": len(grids) * model.worlds, "cell": sum(grids) * model.worlds}
+                      "body": n * (len(others) + len(scene.things("Body"))) * model.worlds,
+                      **{name: n * many * model.worlds for name, many in substep.items()},
+                      **{name: many * model.worlds for name, many in each_frame.items()}}
 
 
 def _constraints(model: Model) -> tuple[float, float, set[str]]:
