@@ -102,7 +102,7 @@ def named(scene, path: str | None) -> Any:
 
 def things(scene) -> list:
     """All objects of a scene that may have values."""
-    return [*scene.bodies(), *scene.pins, *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
+    return [*scene.bodies(), *every_pin(scene), *scene.colliders, *scene.loads, *(thing for _, thing in every(scene))]
 
 
 def carried(scene) -> list:

@@ -9,8 +9,9 @@ import wsim
 from tests.physics.rods.rig import AREA, DENSITY, FIRST, SECOND, YOUNG, clamped, scene, simulated
 from wsim.kernels.rods import element
 from wsim.physics.rods import shape
-from wsim.scene import SceneError
-from wsim.scene.curve import Curve
+from wsim.scene import Scene, SceneError
+from wsim.scene.curve import Curve, Motion
+from wsim.simulation.simulation import Simulation
 
 FORCE = 1e-3
 BEND = element.bend()
@@ -229,3 +230,39 @@ def test_a_traction_on_rods_is_refused_with_what_is_allowed():
     made.traction("/wind", "/rod", [[0, 1, 2]], (0.0, 1.0, 0.0))
     with pytest.raises(SceneError, match="/rod are rods, which have no triangles .* give a force on points"):
         simulated(made)
+
+
+def live_rope(self_collision: bool = False) -> Scene:
+    scene = Scene(fps=30.0, frames=6, substeps=4)
+    x = np.linspace(0.0, 0.4, 7)
+    rope = scene.rods("/rope", np.stack([x, 1.0 + 0.0 * x, 0.0 * x], 1), [7], diameters=0.01, self_collision=self_collision)
+    rope.pin("/hand", [0, 1])
+    return scene
+
+
+@pytest.mark.parametrize("self_collision", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_pin_that_is_moved_live_goes_as_one_that_has_the_keys(self_collision):
+    """Frame by frame along x and turning, in one world of two: as by the keys of all frames, to rounding; the reaction too."""
+    times = np.arange(7) / 30.0
+    half = 0.5 * np.sin(2.0 * times)
+    turns = np.stack([0.0 * times, 0.0 * times, np.sin(half), np.cos(half)], axis=1)
+    places = np.stack([0.3 * times, 0.0 * times, 0.1 * times], axis=1)
+    keyed = live_rope(self_collision)
+    keyed.things("Rods")[0].pins[0].motion = Motion.through(times, places, turns, kind="linear")
+    whole, still = Simulation(keyed, device="cpu"), Simulation(live_rope(self_collision), device="cpu")
+    sim = Simulation(live_rope(self_collision), device="cpu", worlds=2)
+    for k in range(5):
+        sim.set("/hand", "motion", Motion.through(times[k:k + 2], places[k:k + 2], turns[k:k + 2], kind="linear"), world=1)
+        for each in (sim, whole, still):
+            each.step()
+    assert np.abs(whole.positions("/rope")[:2] - still.positions("/rope")[:2]).max() > 0.03
+    assert np.abs(sim.positions("/rope", world=1) - whole.positions("/rope")).max() < 1e-6
+    assert np.abs(sim.positions("/rope", world=0) - still.positions("/rope")).max() < 1e-6
+
+
+def test_a_pin_of_rods_that_cannot_go_so_is_refused():
+    sim = Simulation(live_rope(), device="cpu")
+    with pytest.raises(SceneError, match="/hand: motion has shape"):
+        sim.set("/hand", "motion", [1.0, 2.0])
+    with pytest.raises(SceneError, match="/hnd: is no object of this scene; there are .*/hand"):
+        sim.set("/hnd", "motion", Motion.still())

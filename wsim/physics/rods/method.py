@@ -205,7 +205,7 @@ class Strands(Method):
             self.obstacles.resize(n)
             self.loads.put_tables(self.strands, n)
         times = time + clock.dt / n * np.arange(n + 1)
-        self.evaluates["pins"] = [p.path for p in self.table.pins if p.motion.moves]
+        self.evaluates["pins"] = self.table.moving_pins
         self.evaluates["poses"] = [c.path for c in self.obstacles.colliders if c.motion.moves]
         if self.table.pins:
             self.holds.frame.assign(self.table.frames(times[1:]))
@@ -287,7 +287,7 @@ class Strands(Method):
             gravity[slice(None) if world is None else world] = value
             self.weigh(gravity)
             return True
-        if self.loads.set(path, name, value, world):
+        if name == "motion" and self.table.move_pin(path, value, world) or self.loads.set(path, name, value, world):
             return True
         array = {"wind": self.strands.wind, "air_drag": self.strands.decay}.get(name) if path == "/" else None
         if array is None:

@@ -7,6 +7,7 @@ from wsim.kernels.rods import tables
 from wsim.model.structs import filled
 from wsim.physics.rods import shape
 from wsim.physics.rods.objects import Rods
+from wsim.scene.curve import Motion
 
 
 def material(rods: Rods) -> dict[str, np.ndarray]:
@@ -42,9 +43,11 @@ class Table:
         self.origin = np.zeros((self.strands, 3))
         self.hold, self.clamped = np.full(shape2, -1, np.int32), np.zeros(shape2, np.int32)
         self.pins: list = []
+        self.motions: list[Motion] = []                                        # of those now, which may be set
+        self.pin_worlds: list[int] = []
         self.held: list[tuple[int, np.ndarray, np.ndarray]] = []       # (pin, place, director) a row
-        for own, (rods, _) in zip(self.own, pairs, strict=True):
-            self._hold(rods, own)
+        for own, (rods, world) in zip(self.own, pairs, strict=True):
+            self._hold(rods, own, world)
             self._fill(rods, own)
         self._directors()
 
@@ -55,13 +58,15 @@ class Table:
         number = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         return number * self.strands + strand
 
-    def _hold(self, rods: Rods, own: slice) -> None:
-        """Rows of held points, and which edges one pin clamps."""
+    def _hold(self, rods: Rods, own: slice, number: int) -> None:
+        """Rows of held points in a world of that number, and which edges one pin clamps."""
         where, pin_of = self._place(own), np.full(self.hold.size, -1)
         world = rods.motion.points(rods.points, 0.0)
         for pin in rods.pins:
             k = len(self.pins)
             self.pins.append(pin)
+            self.motions.append(pin.motion)
+            self.pin_worlds.append(number)
             M = pin.motion.at(0.0)
             places = pin.places if pin.places is not None else (world[pin.points] - M[:3, 3]) @ np.linalg.inv(M[:3, :3]).T
             for point, place in zip(pin.points.tolist(), np.asarray(places, np.float64), strict=True):
@@ -156,6 +161,18 @@ class Table:
     def frames(self, times: np.ndarray) -> np.ndarray:
         """Frames of pins at some times [s], (times, pins, 4, 4)."""
         found = np.tile(np.eye(4), (len(times), max(1, len(self.pins)), 1, 1))
-        for k, pin in enumerate(self.pins):
-            found[:, k] = pin.motion.sampled(times) if pin.motion.moves else pin.motion.at(0.0)
+        for k, motion in enumerate(self.motions):
+            found[:, k] = motion.sampled(times) if motion.moves else motion.at(0.0)
         return found
+
+    @property
+    def moving_pins(self) -> list[str]:
+        """Paths of pins that move."""
+        return [pin.path for pin, motion in zip(self.pins, self.motions, strict=True) if motion.moves]
+
+    def move_pin(self, path: str, motion: Motion, world: int | None) -> bool:
+        """Gives a pin another motion in one world or in all; False where there is no such pin."""
+        hit = [k for k, pin in enumerate(self.pins) if pin.path == path and world in (None, self.pin_worlds[k])]
+        for k in hit:
+            self.motions[k] = motion
+        return bool(hit)
