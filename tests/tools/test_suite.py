@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tools.bench import compare, suite
+from tools.bench.nets import plot
 from tools.bench.problems import PROBLEMS, discrete
 from wsim.scene.integrator import TABLE
 
@@ -156,3 +157,51 @@ def test_an_unknown_revision_is_refused_by_name():
     done = subprocess.run([sys.executable, compare.__file__, "no_such_revision", "WORK"], capture_output=True, text=True,
                           cwd=compare.ROOT)
     assert done.returncode == 1 and "compare: git" in done.stderr and "Traceback" not in done.stderr
+
+
+# the picture
+
+def result(tmp_path, name="r.json", **problem):
+    rows = [{"side": side, "solver": solver, "ms": ms, "finite": error is not None, "error_025": error}
+            for side, solver, ms, error in (("wsim", "explicit", 0.3, 1e-6), ("wsim", "xpbd", 1.0, 1e-3),
+                                            ("newton", "vbd", 9.0, 0.01), ("newton", "vbd_tile", 8.0, 0.02),
+                                            ("newton", "xpbd", 1.0, 3.0), ("newton", "xpbd", 2.0, None))]
+    problem = {"n": 32, "stiffness": 1e3, "worst": 0.3, "newton": "1", "rows": rows} | problem
+    (tmp_path / name).write_text(json.dumps({"hardware": "GPU", "wsim": "abc", "warp": "1", "problems": [problem]}))
+    return str(tmp_path / name)
+
+
+def test_rows_of_a_metre_and_of_no_number_are_left_out_and_counted(tmp_path):
+    (problem,) = plot.sheets([result(tmp_path)])
+    assert plot.left_out(problem) == {"Newton XPBD": 2} and "2 of Newton XPBD" in plot.below([problem])
+    assert {kind[2]: len(rows) for kind, rows in plot.series(problem)}["Newton VBD"] == 2
+
+
+def test_of_the_same_sheet_twice_the_later_file_counts(tmp_path):
+    files = [result(tmp_path, "a.json", worst=1.0), result(tmp_path, "b.json", worst=2.0), result(tmp_path, "c.json", n=16)]
+    assert [(p["n"], p["worst"]) for p in plot.sheets(files)] == [(16, 0.3), (32, 2.0)]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}"])
+def test_another_file_is_refused_by_name(tmp_path, text):
+    (tmp_path / "x.json").write_text(text)
+    with pytest.raises(SystemExit, match=r"x\.json is no result"):
+        plot.sheets([str(tmp_path / "x.json")])
+
+
+def test_a_picture_is_1200_pixels_wide(tmp_path):
+    pytest.importorskip("matplotlib")
+    plot.draw(plot.sheets([result(tmp_path)]), str(tmp_path / "p.png"))
+    png = (tmp_path / "p.png").read_bytes()
+    assert int.from_bytes(png[16:20]) == 1200 and sorted(f.suffix for f in tmp_path.iterdir()) == [".json", ".png"]
+
+
+def test_without_matplotlib_the_mend_is_said(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(SystemExit, match=r"pip install -e"):
+        plot.draw(plot.sheets([result(tmp_path)]), str(tmp_path / "p.png"))
+
+
+@pytest.mark.parametrize("value, text", [(1.0, "1 m"), (0.01, "10 mm"), (1e-6, "1 \u00b5m"), (1e-8, "10 nm")])
+def test_lengths_are_labelled_by_their_unit(value, text):
+    assert plot.length(value) == text
