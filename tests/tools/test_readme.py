@@ -17,7 +17,9 @@ from tools.lint import ROOT
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 PROSE = re.sub(r"^```.*?^```", "", TEXT, flags=re.M | re.S)
-FOLDERS = ("scenes", "tools", "tools/results", "wsim/fitting", "wsim/gradient", "wsim/physics", "wsim/sweep")
+FOLDERS = ("scenes", "scenes/examples", "tools", "tools/results", "wsim/fitting", "wsim/gradient", "wsim/physics", "wsim/sweep")
+SHORT = ("scenes", "scenes/examples", "tools", "tools/results")
+RESULTS = ROOT / "tools/results"
 
 
 def section(title: str) -> str:
@@ -46,10 +48,20 @@ def test_every_snippet_is_run_by_a_test():
     assert len(ci.commands()) == 2 and "wsim run scenes/hanging_cloth.usda -o hanging.usdc" in ci.commands()[0]
 
 
+@pytest.mark.parametrize("folder", SHORT)
+def test_pages_of_folders_are_short(folder):
+    """At most 300 words, besides commands in blocks and tables."""
+    text = (ROOT / folder / "README.md").read_text(encoding="utf-8")
+    prose = re.sub(r"^\|.*$", "", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), flags=re.M)
+    assert 20 < len(prose.split()) <= 300
+
+
 def linked() -> list[tuple[str, str]]:
     found = []
-    for folder in ("", *FOLDERS):
-        text = (ROOT / folder / "README.md").read_text(encoding="utf-8")
+    pages = [ROOT / folder / "README.md" for folder in ("", *FOLDERS)]
+    for page in [*pages, *(path for path in RESULTS.glob("*.md") if path not in pages)]:
+        text = page.read_text(encoding="utf-8")
+        folder = page.parent.relative_to(ROOT).as_posix()
         found += [(folder, link) for link in re.findall(r"\]\(([^)#]+)\)", text) if not link.startswith("http")]
     return found
 
@@ -70,12 +82,20 @@ def measured(value) -> list[float]:
 
 def test_no_figure_stands_in_it_that_the_results_do_not_hold():
     """Times in ms or us, errors as 2.6e-7: each is a number of tools/results/data, rounded to as many digits."""
-    held = [x for path in sorted((ROOT / "tools/results/data").glob("*.json")) for x in measured(json.loads(path.read_text()))]
+    held = [x for path in sorted((RESULTS / "data").glob("*.json")) for x in measured(json.loads(path.read_text()))]
     figures = re.findall(r"\b(\d+(?:\.\d+)?(?:e-\d+)?) (?:ms|us|m)\b", PROSE)
     assert len(figures) >= 4
     for figure in figures:
         digits, near = len(re.sub(r"e.*|\.", "", figure).lstrip("0")), abs(float(figure))
         assert any(f"{x:.{digits - 1}e}" == f"{near:.{digits - 1}e}" for x in held if 0.5 * near <= x <= 2.0 * near), figure
+
+
+def test_every_page_of_measurements_is_in_the_index_and_every_file_of_rows_on_a_page():
+    index = (RESULTS / "README.md").read_text(encoding="utf-8")
+    pages = [path for path in RESULTS.glob("*.md") if path.name != "README.md"]
+    assert [path.name for path in pages if f"({path.name})" not in index] == []
+    said = " ".join(path.read_text(encoding="utf-8") for path in pages)
+    assert [path.name for path in (RESULTS / "data").iterdir() if path.name not in said] == []
 
 
 def test_the_table_of_the_schema_is_that_of_the_schema():

@@ -29,8 +29,8 @@ def hung(**more) -> Scene:
 
 def test_there_are_no_others():
     assert {folder: len(snippets(folder)) for folder in FOLDERS} == {
-        "scenes": 1, "tools": 0, "tools/results": 0, "wsim/fitting": 1, "wsim/gradient": 2, "wsim/physics": 3,
-        "wsim/sweep": 2}
+        "scenes": 1, "scenes/examples": 0, "tools": 0, "tools/results": 0, "wsim/fitting": 1, "wsim/gradient": 2,
+        "wsim/physics": 3, "wsim/sweep": 2}
 
 
 def test_loads_push_and_pull():

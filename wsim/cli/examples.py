@@ -29,7 +29,7 @@ def examples(args) -> int:
     scenes = shipped()
     for name, path in scenes.items():
         print(f"{name:{max(map(len, scenes))}}  {shorten(describe(path), 100, placeholder=' ...')}")
-    print("\nRun one in this folder: wsim examples NAME. How each was made, and what it shows: scenes/README.md")
+    print("\nRun one in this folder: wsim examples NAME. Comments in the file say how it was made.")
     return 0
 
 

@@ -29,7 +29,7 @@ def nothing(stage: Usd.Stage, simulated: list, meshes: list, tet_meshes: list) -
         ("TetMeshes", "softbody", tet_meshes)) if kind[2]]
     if not hints:
         text += "; it has no Mesh"
-        hints = [f"A scene may hold {', '.join(could())}: see scenes/README.md"] if not (left_out or missing) else []
+        hints = [f"A scene may hold {', '.join(could())}: `wsim examples` lists some"] if not (left_out or missing) else []
     return Problem(file, ". ".join([text, *hints]))
 
 
