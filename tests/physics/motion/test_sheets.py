@@ -49,7 +49,7 @@ def both(monkeypatch) -> Callable:
         one = Simulation(replace(scene), **settings)
         with monkeypatch.context() as m:
             m.setattr(forces.ForceGather, "unpacked", lambda self: "not asked for")
-            m.setattr(plan, "_module", lambda b, name=plan._module: f"{name(b)}_apart")       # each is compiled once
+            m.setattr(plan, "module_name", lambda b, name=plan.module_name: f"{name(b)}_apart")       # each is compiled once
             two = Simulation(replace(scene), **settings)
         assert one.plan.method("explicit").pull.sheets and not two.plan.method("explicit").pull.sheets
         return one, two
