@@ -11,7 +11,6 @@ from typing import Any
 import warp as wp
 
 BLOCK = 512            # threads of the one block that sweeps; registers are kept so that it fits, in float64 too
-SHARE = 256            # threads of a block of a cluster that sweeps
 CLUSTERS = 90          # compute capability that has clusters
 SNIPPET = """
 #if defined(__CUDA_ARCH__)
@@ -54,26 +53,6 @@ def meet():
 """)
 def meet_cluster():
     """As `meet`, of all threads of a cluster of blocks (sm_90 and up)."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    asm volatile("barrier.cluster.arrive.release;" ::: "memory");
-#endif
-""")
-def arrive_cluster():
-    """The first half of `meet_cluster`: what was written before is seen by all behind the other half."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    asm volatile("barrier.cluster.wait.acquire;" ::: "memory");
-#endif
-""")
-def wait_cluster():
-    """The second half: waits until all threads have come."""
     ...
 
 

@@ -13,7 +13,7 @@ its variant needs; the arrays that it does not need may be None.
 Two kernels share one formula: `projection` gives a thread to each constraint of a colour, a launch a colour; `sweep` is one
 launch for all colours, by one block of threads that meet after each (on the CPU one thread takes everything in turn).
 Where colours are small a sweep costs a fraction of the launches it replaces. Worlds have a block each, which goes through the
-colours of its own: their points stay in the caches for all of a sweep. Larger colours are a cluster's (sweeps/shared.py).
+colours of its own: their points stay in the caches for all of a sweep.
 """
 
 from functools import cache

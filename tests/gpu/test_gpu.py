@@ -68,23 +68,6 @@ def test_springs_model_and_large_colours_agree():
     assert reference.rms(cpu - gpu) < 1e-6
 
 
-@pytest.mark.parametrize("worlds", [1, 2])
-def test_a_cluster_sweeps_colours_as_launches_do(monkeypatch, worlds):
-    """Damped membranes and hinges, 200 and 150 a colour: the same bits twice, and those of launches but for rounding."""
-    found = []
-    for shared in (True, True, False):
-        monkeypatch.setattr(batch, "SHARED", shared)
-        monkeypatch.setattr(batch, "FUSE", 64)
-        scene = Scene(solver="xpbd", fps=60.0, substeps=4, iterations=2)
-        cloth = scene.cloth("/cloth", *shapes.sheet(1.0, 1.0, 30, 30), material=Fabric(stretch=800.0, bend=1e-4, damping=1e-3))
-        scene.pin("/pins", cloth, range(31))
-        sim = Simulation(scene, device="cuda:0", worlds=worlds)
-        sim.run(5)
-        assert all(bool(each.cluster) == shared for each in sim.plan.ports.xpbd_batches)
-        found.append(sim.state.x.numpy())
-    assert np.array_equal(*found[:2]) and np.abs(found[2] - found[0]).max() < 1e-6
-
-
 @pytest.mark.parametrize("n, cluster", [(8, 16), (16, 16), (32, 16), (64, 16), (80, None)])
 def test_explicit_steps_agree_however_they_are_launched(n, cluster):
     """By a cluster of blocks, by launches, and by one CPU thread: three kernels for one law."""

@@ -7,7 +7,6 @@ import warp as wp
 
 from wsim.geometry.sheet_ordering import lowest
 from wsim.geometry.topology import order_of
-from wsim.kernels.math.block import CLUSTERS, SHARE
 from wsim.kernels.math.real import types
 from wsim.kernels.motion.points import states
 from wsim.kernels.solver import xpbd as kernels
@@ -22,9 +21,6 @@ from wsim.physics.cloth.table import Table
 FUSE = 512            # constraints of a world's largest colour up to which one block takes all its colours in a launch. H200:
                       # 1k points 9.9 us against 18.6; a shirt with 1.3k hinges a colour 4.1 ms a frame against 1.3. H100, 4096
                       # worlds of 1k points, a frame of one: 2.9 us by blocks of 512 threads, 3.1 of 256, 4.6 of 128
-SHARED = False         # larger colours by a cluster of blocks, where points and constraints fit; else a launch each. It is off
-                       # until tests/gpu/test_gpu.py has run it on a GPU: on a CPU its formulas give the bits of launches
-
 PACKED = True          # membranes and hinges by eights on a CPU: tests compare
 
 
@@ -44,7 +40,6 @@ class Batch(Table):
         self.worlds = 1 if model.gradients else model.worlds          # blocks of a sweep; with adjoints there is one
         largest = int(np.diff(self.starts).max()) // self.worlds
         self.fused = FUSE > 0 and not model.fuser and (not model.device.is_cuda or largest <= FUSE)
-        self.cluster = 0 if self.fused or FUSE == 0 else self.blocks(largest)                 # blocks of a cluster
         self.packed = PACKED and self.fused and model.device.is_cpu and self.row.packets and self.kind != "distance"
         self.packed = self.packed and not model.gradients             # eight constraints at a time
         self.remade = False
@@ -107,27 +102,12 @@ class Batch(Table):
         model = self.model
         kind = {"real": model.real, "multipliers": self.multipliers, "damped": self.damped, "uniform": self.uniform,
                 "exact": model.gradients}
-        if self.cluster:
-            from wsim.kernels.solver.sweeps import shared
-            del kind["exact"]
-            return shared.sweep(self.row.equation, module=model.module_of(SHARE, "sweep"), cluster=self.cluster, **kind)
         if not self.fused:
             return kernels.projection(self.row.equation, module=model.module, **kind)
         if self.packed:
             from wsim.kernels.solver.sweeps import packets
             return packets.sweep(self.row.equation, module=model.sweep_module, **kind)
         return kernels.sweep(self.row.equation, module=model.sweep_module, **kind)
-
-    def blocks(self, largest: int) -> int:
-        """Blocks of a cluster that takes colours of so many constraints of a world: 8 run everywhere, 16 where these were run;
-        0: none does."""
-        model = self.model
-        if not SHARED or not model.device.is_cuda or model.device.arch < CLUSTERS or model.fuser or model.gradients:
-            return 0
-        from wsim.kernels.solver.sweeps.shared import ROOM
-        from wsim.physics.motion.cluster import large
-        fits = [n for n in (8, 16)[:1 + large(model.device)] if largest <= n * SHARE and model.points <= n * ROOM * self.worlds]
-        return fits[0] if fits else 0
 
     def omega(self, clock: Clock) -> float:
         """Over-relaxation of this iteration."""

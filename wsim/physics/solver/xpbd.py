@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from wsim.kernels.math.block import SHARE
 from wsim.kernels.motion.points import states
 from wsim.model import kernel_cache
 from wsim.model.model import Model
@@ -58,7 +57,7 @@ class Xpbd(Method):
         for batch in self.batches:
             batch.data.w = points.constants.w
             colours = len(batch.starts) - 1
-            launches = (1 if batch.fused or batch.cluster else colours) + 3 * (batch.curvature is not None)
+            launches = (1 if batch.fused else colours) + 3 * (batch.curvature is not None)
             self.stages.append(Stage(
                 batch.kind, "solve", partial(self.project, batch), launches, batch.bytes, "iteration",
                 f"{batch.size} constraints in {colours} colours"))
@@ -168,10 +167,6 @@ class Xpbd(Method):
         if batch.fused:
             self.model.sweep(batch.kernel, [batch.data, at, batch.colours, 1.0 / clock.g, omega, batch.lam],
                              [s.d, batch.lam], batch.worlds)
-            return
-        if batch.cluster:
-            inputs = [batch.data, at, batch.colours, self.model.points // batch.worlds, 1.0 / clock.g, omega, batch.lam]
-            self.model.launch_blocks(batch.kernel, batch.worlds * batch.cluster, SHARE, inputs, [batch.lam])
             return
         for first, last in zip(batch.starts[:-1], batch.starts[1:], strict=True):
             self.model.launch(batch.kernel, int(last - first),
