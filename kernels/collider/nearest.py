@@ -17,6 +17,7 @@ import warp as wp
 
 from wsim.kernels.contact.mesh import BALLS, SHEET, SOLID
 from wsim.kernels.contact.shape import distance
+from wsim.kernels.math.face import equal_distance
 from wsim.kernels.math.real import types
 
 FAR = 1.0e9              # [m] further than anything
@@ -87,7 +88,7 @@ def nearest(kinds: tuple[str, ...], real):
         sign = float(1.0)
         if wp.static(solid):
             if kind == SOLID:
-                near = wp.mesh_query_point_sign_normal(mesh, wp.vec3f(q), float(FAR))
+                near = wp.mesh_query_point_sign_normal(mesh, wp.vec3f(q), float(FAR), equal_distance(mesh, wp.vec3f(q)))
                 if near.result:
                     face = near.face
                     u = near.u

@@ -24,9 +24,9 @@ from typing import Any
 
 import warp as wp
 
-from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, normal, part, reading, settled, toward
+from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, entered_face, normal, part, reading, settled, toward
 from wsim.kernels.contact.project import tables
-from wsim.kernels.math.face import FAR, SLACK, away, box, edge_length, nearer, sooner, weighted
+from wsim.kernels.math.face import FAR, SLACK, away, box, edge_length, equal_distance, nearer, sooner, weighted
 from wsim.kernels.math.real import types
 
 MOST = 128             # faces of a list: one with more is no faster than the tree
@@ -179,7 +179,7 @@ def nearest(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, near: float):
 @wp.func
 def side(mesh: wp.uint64, L: Any, s: int, i: int, q: wp.vec3f, nearest: int, dist: float):
     """1, or -1 where q is behind the surface: by the faces no further than the nearest one, but for rounding."""
-    eps = float(1.0e-3) * edge_length(mesh)
+    eps = equal_distance(mesh, q) * edge_length(mesh)
     count = L.count[s * L.w.shape[0] + i]
     n = wp.vec3f()
     face = int(0)
@@ -225,8 +225,30 @@ def hit(mesh: wp.uint64, L: Any, s: int, i: int, start: wp.vec3f, way: wp.vec3f,
 def touch_listed(kinds: tuple[str, ...], real):
     """Function (c, L, row, i, deep, ends, reach: r and margin) -> (C, n, p, s0, slip) of a point that goes from ends[0] to
     ends[1], as `mesh.touch_mesh`, by its list. deep: it may be inside."""
-    t, Rows, (corners, steps), cross, formula = types(real), tables(real)[0], reading(real), crossing(real), settled(real)
+    t, Rows, (corners, steps), formula = types(real), tables(real)[0], reading(real), settled(real)
+    cross, enter = crossing(real), entered_face(real)
     has_solid = "solid" in kinds
+
+    @wp.func
+    def through(kind: int, L: Any, at: wp.vec3i, mesh: wp.uint64, way: t.mat33):
+        """(Y, front) of the face that is crossed. at: row, point, and face that the point is over in the end; way: from where,
+        to where, and signed distance there with how far faces are looked for."""
+        s, i = L.slot[at[0]], at[1]
+        start = way[0]
+        q1 = way[1]
+        length = wp.length(q1 - start)
+        Y = t.mat33()
+        front = real(0.0)
+        if wp.abs(way[2][0]) < length:
+            crossed = hit(mesh, L, s, i, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length))
+            if crossed >= 0:
+                Y, front = cross(kind, mesh, crossed, q1 - start)
+            if has_solid:
+                if kind == SOLID and front == real(0.0) and (crossed >= 0 or way[2][0] < real(0.0)):
+                    began, _far = nearest(mesh, L, s, i, wp.vec3f(start), float(way[2][1] - length))
+                    if began >= 0 and began != at[2]:
+                        Y, front = enter(mesh, began, start, q1)
+        return Y, front
 
     @wp.func
     def touch_listed(c: Rows, L: Any, row: int, i: int, deep: int, ends: wp.types.matrix((2, 3), real), reach: t.vec2):
@@ -264,14 +286,8 @@ def touch_listed(kinds: tuple[str, ...], real):
             if behind:
                 gap = -gap
             dist, _n, slip = toward(X, V, what, gap, q1)
-            start = ends[0] + slip
-            length = wp.length(q1 - start)
-            Y = t.mat33()
-            front = real(0.0)
-            if wp.abs(dist) < length:
-                crossed = hit(mesh, L, s, i, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length))
-                if crossed >= 0:
-                    Y, front = cross(kind, mesh, crossed, q1 - start)
+            Y, front = through(kind, L, wp.vec3i(row, i, wp.where(what == INSIDE, face, -1)), mesh,
+                               wp.matrix_from_rows(ends[0] + slip, q1, t.vec3(dist, real(most), real(0.0))))
             C, n, p, s0, slip = formula(X, V, Y, what, t.vec2(gap, front), ends, reach[0])
         return C, n, p, s0, slip
 

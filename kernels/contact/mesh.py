@@ -2,9 +2,11 @@
 
 First what is found and then stays (`look`): the nearest face at q1 and what of it is nearest (its inside, an edge or a corner);
 on which side the point is; and, where the nearest point is nearer than |dq|, since only then can a crossing be, the face that a
-ray q0 -> q1 goes through. Sides are those of the angle-weighted pseudo normal (Baerentzen, Aanaes 2005), exact for closed
-meshes and as cheap as none; or, where `deep` is set, of the winding number (Barill et al. 2018), which survives
-self-intersection but costs ten times as much: the host asks for it when points may start inside.
+ray q0 -> q1 goes through. A way that starts inside a solid (by rounding, of a point that a contact left on its surface) has the
+face nearest to q0, where it goes deeper: else it would leave a thin wall by its other side. Sides are those of the
+angle-weighted pseudo normal (Baerentzen, Aanaes 2005), exact for closed meshes and as cheap as none; or, where `deep` is set,
+of the winding number (Barill et al. 2018), which survives self-intersection but costs ten times as much: the host asks for it
+when points may start inside.
 
 Then smooth functions of q0 and q1 (`settled`), in the precision of the run, with corners X_0, X_1, X_2 and their motions V in
 this substep, so that q0 + slip is where the point was as the touched part of the surface sees it:
@@ -39,6 +41,8 @@ EDGE = 1e-6            # of an edge's length: so far beyond it a point still cou
 def nearest(kinds: tuple[str, ...]):
     """Function (kind, mesh, q, most, deep, depth) -> (face or -1, sign): nearest face within `most` [m]."""
     has_solid, has_sheet = "solid" in kinds, "sheet" in kinds
+    if has_solid:
+        from wsim.kernels.math.face import equal_distance
 
     @wp.func
     def nearest(kind: int, mesh: wp.uint64, q: wp.vec3f, most: float, deep: int, depth: float):
@@ -57,7 +61,7 @@ def nearest(kinds: tuple[str, ...]):
                         face = wound.face
                         sign = wound.sign
                 else:
-                    near = wp.mesh_query_point_sign_normal(mesh, q, most)
+                    near = wp.mesh_query_point_sign_normal(mesh, q, most, equal_distance(mesh, q))
                     if near.result:
                         face = near.face
                         sign = near.sign
@@ -206,11 +210,30 @@ def crossing(real):
 
 
 @cache
+def entered_face(real):
+    """Function (mesh, face, start, q1) -> (Y, front): as `crossing`, of a way that starts inside a solid, or on it, over the
+    inside of that face, and goes deeper: as if it came through there."""
+    t, (corners, _) = types(real), reading(real)
+
+    @wp.func
+    def entered_face(mesh: wp.uint64, face: int, start: t.vec3, q1: t.vec3):
+        Y = corners(mesh, face, 0)
+        front = real(0.0)
+        what, _first = part(Y, start)
+        if what == INSIDE and wp.dot(normal(Y), q1 - start) < real(0.0):
+            front = real(1.0)
+        return Y, front
+
+    return entered_face
+
+
+@cache
 def look(kinds: tuple[str, ...], real):
     """Function (kind, mesh, deep, depth, q0, q1, most) -> (X, V, Y, what, sides, faces), see above; what < 0: no face within
     `most` [m] of q1. sides: 1, or -1 where the point is behind the face, or on the inner side of a closed mesh; 0, or the side
     of the face that is crossed. faces: the nearest one, which of its corners is X_0, and the one that is crossed."""
-    t, search, (corners, steps), cross = types(real), nearest(kinds), reading(real), crossing(real)
+    t, search, (corners, steps) = types(real), nearest(kinds), reading(real)
+    cross, enter = crossing(real), entered_face(real)
 
     @wp.func
     def look(kind: int, mesh: wp.uint64, deep: int, depth: real, q0: t.vec3, q1: t.vec3, most: real):
@@ -240,6 +263,11 @@ def look(kinds: tuple[str, ...], real):
                 if ray.result:
                     faces[2] = ray.face
                     Y, front = cross(kind, mesh, ray.face, q1 - start)
+                if front == real(0.0) and kind == SOLID and (ray.result or dist < real(0.0)):
+                    began = wp.mesh_query_point_no_sign(mesh, wp.vec3f(start), float(most - length))
+                    if began.result and not (what == INSIDE and began.face == face):
+                        faces[2] = began.face
+                        Y, front = enter(mesh, began.face, start, q1)
         return X, V, Y, what, t.vec2(side, front), faces
 
     return look

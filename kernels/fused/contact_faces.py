@@ -16,7 +16,7 @@ import warp as wp
 
 from wsim.kernels.collider.colliders import frames
 from wsim.kernels.contact import candidates, collide
-from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, normal, part, reading, settled, toward
+from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, entered_face, normal, part, reading, settled, toward
 from wsim.kernels.contact.project import SUNK, slots, tables
 from wsim.kernels.contact.search import SUNK_FROM, reachable
 from wsim.kernels.fused.lanes import lists, meet_warp, sharing
@@ -27,16 +27,19 @@ from wsim.kernels.math.real import types
 @cache
 def touching(kinds: tuple[str, ...], real, lanes: int):
     """Function (c, L, at: row, point and thread, deep, on, ends, reach: r and margin), as `candidates.touch_listed`."""
-    t, Rows, (corners, steps), cross, formula = types(real), tables(real)[0], reading(real), crossing(real), settled(real)
+    t, Rows, (corners, steps), formula = types(real), tables(real)[0], reading(real), settled(real)
+    cross, enter = crossing(real), entered_face(real)
     has_solid, (nearest, side, hit), anywhere = "solid" in kinds, lists(lanes), sharing(lanes, real)[3]
 
     @wp.func
-    def through(c: Rows, L: Any, at: wp.vec3i, way: t.mat33, X: t.mat33, V: t.mat33, what: int):
-        """(Y, front) of the face that is crossed. way: rows q0, q1 and the side; what: < 0 where there is no face."""
-        Y, front, start, length, goes = t.mat33(), real(0.0), way[0], real(0.0), int(0)
+    def through(c: Rows, L: Any, at: wp.vec4i, way: t.mat33, X: t.mat33, V: t.mat33, what: int):
+        """(Y, front) of the face that is crossed. at: row, point, thread and nearest face, -1: none; way: rows q0, q1, and the
+        side with how far faces are looked for."""
+        Y, front, start, length, goes, dist = t.mat33(), real(0.0), way[0], real(0.0), int(0), real(0.0)
         q1 = way[1]
-        if what >= 0:
-            dist, _n, slip = toward(X, V, what, way[2][0], q1)
+        if at[3] >= 0:
+            gap, _n, slip = toward(X, V, what, way[2][0], q1)
+            dist = gap
             start = way[0] + slip
             length = wp.length(q1 - start)
             goes = wp.where(wp.abs(dist) < length, 1, 0)
@@ -45,6 +48,13 @@ def touching(kinds: tuple[str, ...], real, lanes: int):
             face = hit(mesh, L, place, wp.vec3f(start), wp.vec3f((q1 - start) / length), float(length), goes)
             if goes != 0 and face >= 0:
                 Y, front = cross(kind, mesh, face, q1 - start)
+            if has_solid:
+                asks = goes != 0 and kind == SOLID and front == real(0.0) and (face >= 0 or dist < real(0.0))
+                within = float(way[2][1] - length)
+                if anywhere(wp.where(asks, 1, 0)) != 0:
+                    began, _far = nearest(mesh, L, place[0], place[1], wp.vec3f(start), within, place[2], wp.where(asks, 1, 0))
+                    if asks and began >= 0 and not (what == INSIDE and began == at[3]):
+                        Y, front = enter(mesh, began, start, q1)
         return Y, front
 
     @wp.func
@@ -83,7 +93,8 @@ def touching(kinds: tuple[str, ...], real, lanes: int):
                 told = side(mesh, L, place, q, face, near, asks)
                 sign = wp.where(asks != 0, told, sign)
         gap = wp.where(behind, -real(sign), real(sign))
-        Y, front = through(c, L, at, wp.matrix_from_rows(ends[0], ends[1], t.vec3(gap)), X, V, wp.where(face >= 0, what, -1))
+        way = wp.matrix_from_rows(ends[0], ends[1], t.vec3(gap, reach[0] + reach[1], real(0.0)))
+        Y, front = through(c, L, wp.vec4i(at[0], at[1], at[2], face), way, X, V, what)
         if face >= 0:
             C, n, p, s0, slip = formula(X, V, Y, what, t.vec2(gap, front), ends, reach[0])
         return C, n, p, s0, slip

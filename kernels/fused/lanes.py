@@ -18,7 +18,7 @@ from typing import Any
 import warp as wp
 
 from wsim.kernels.contact import candidates
-from wsim.kernels.math.face import FAR, away, box, edge_length, facing, nearer, sooner, weighted
+from wsim.kernels.math.face import FAR, away, box, edge_length, equal_distance, facing, nearer, sooner, weighted
 from wsim.kernels.math.real import types
 
 
@@ -189,7 +189,7 @@ def lists(lanes: int):
         last = float(0.0)
         face = int(0)
         if on != 0:
-            eps = float(1.0e-3) * edge_length(mesh)
+            eps = equal_distance(mesh, q) * edge_length(mesh)
             last = candidates.within(L, s * L.w.shape[0] + i, q, dist + eps)
             _dist, p = away(mesh, nearest, q)
         count = sure(L, s, i, on)

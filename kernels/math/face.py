@@ -10,6 +10,7 @@ import warp as wp
 
 FAR = 1.0e30           # distance of a face that has no area
 SLACK = 1.0e-6         # of places, that boxes about them are larger by
+ROUNDED = 4.0e-6       # of coordinates, 64 roundings of float32: distances that differ by less are one
 
 
 @wp.func_native("return wp::closest_point_to_triangle(a, b, c, q);")
@@ -25,6 +26,24 @@ def struck(q: wp.vec3f, way: wp.vec3f, a: wp.vec3f, b: wp.vec3f, c: wp.vec3f) ->
 
 @wp.func_native("return wp::mesh_get(mesh).average_edge_length;")
 def edge_length(mesh: wp.uint64) -> float: ...
+
+
+@wp.func_native("""
+    const wp::Mesh m = wp::mesh_get(mesh);
+    const wp::BVHPackedNodeHalf low = wp::bvh_load_node(m.bvh.node_lowers, *m.bvh.root);
+    const wp::BVHPackedNodeHalf high = wp::bvh_load_node(m.bvh.node_uppers, *m.bvh.root);
+    return wp::max(wp::max(wp::max(-low.x, high.x), wp::max(-low.y, high.y)), wp::max(-low.z, high.z));
+""")
+def mesh_extent(mesh: wp.uint64) -> float:
+    """Largest coordinate of a mesh's points [m]."""
+    ...
+
+
+@wp.func
+def equal_distance(mesh: wp.uint64, q: wp.vec3f):
+    """Difference up to which distances of q from faces count as one, as part of the mean edge: what rounding leaves between
+    faces that share an edge. Warp's own 1e-3 would count both sides of a wall that is thinner as one."""
+    return wp.min(ROUNDED * wp.max(wp.max(wp.abs(q)), mesh_extent(mesh)) / edge_length(mesh), float(1.0e-3))
 
 
 @wp.func

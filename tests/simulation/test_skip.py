@@ -102,7 +102,8 @@ MODULES = {
     "flag": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | PINNED,
     "cape": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY
     | MOVED,
-    "tablecloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SHARP,
+    "tablecloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SHARP
+    | room("kernels", "math.face"),                                         # sides of its table, a closed mesh
     "shirt": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SLIVERS | LISTED
     | room("kernels", "math.face") | room("geometry", "tetra.lattice"),     # distances of its dummy; what starts inside
 }

@@ -252,6 +252,29 @@ def test_a_ray_crossing_a_thin_mesh_is_a_contact_on_the_side_it_came_from(kind):
     np.testing.assert_allclose(s0, np.abs(q0[:, 2]) - 0.006, atol=1e-6)
 
 
+def test_a_wall_far_thinner_than_its_faces_are_wide_has_two_sides():
+    """Of 1 mm, with edges of 3 m: a thousandth of the mean edge is more than the wall."""
+    q = np.random.default_rng(2).uniform((-1.2, -1.2, 0.001), (1.2, 1.2, 0.3), (300, 3))
+    q[150:, 2] *= -1
+    q[:20, 1] = q[:20, 0]                                                    # over a seam of two triangles
+    C, n, _ = mesh_sweep(wp.float32, *cube((1.5, 1.5, 0.0005)), "solid", q, q)
+    np.testing.assert_allclose(C, np.abs(q[:, 2]) - 0.0005, atol=1e-6)
+    np.testing.assert_allclose(n, np.sign(q[:, 2])[:, None] * (0, 0, 1), atol=1e-5)
+
+
+@pytest.mark.parametrize("deep", [0, 1])
+def test_a_way_that_rounding_starts_within_a_thin_mesh_still_enters_it(deep):
+    """A point that a contact has left on a wall of 1 mm, or a tenth of its thickness inside, and that goes on by 8 cm."""
+    rng = np.random.default_rng(3)
+    q0 = np.concatenate([rng.uniform(-1.2, 1.2, (90, 2)), np.repeat([[0.0005], [0.0005 - 6e-8], [0.0004]], 30, 0)], 1)
+    q1 = q0 + rng.uniform((-0.1, -0.1, -0.08), (0.1, 0.1, -0.002), (90, 3))
+    for real in REALS:
+        C, n, s0 = mesh_sweep(real, *cube((1.5, 1.5, 0.0005)), "solid", q0, q1, margin=0.2, deep=deep, depth=0.0005)
+        np.testing.assert_allclose(n, np.tile([0.0, 0.0, 1.0], (90, 1)), atol=1e-6)
+        np.testing.assert_allclose(C, q1[:, 2] - 0.0005, atol=2e-7)
+        np.testing.assert_allclose(s0, q0[:, 2] - 0.0005, atol=3e-7)
+
+
 def test_winding_number_finds_points_deep_inside():
     q = np.array([[0.0, 0.0, 0.05], [0.25, 0.1, 0.02]])
     near, _, _ = mesh_sweep(wp.float32, *cube(), "solid", q, q, margin=0.01)
