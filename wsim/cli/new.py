@@ -15,9 +15,20 @@ def make(args) -> list:
         return write_starter(args)
     if args.kind == "robot":
         return _robot(args)
-    return {"cloth": _cloth, "softbody": _softbody, "fluid": _fluid, "liquid": _fluid}[args.kind](args, {
+    notes: list = []
+    convert_meshes(args, notes)
+    return notes + {"cloth": _cloth, "softbody": _softbody, "fluid": _fluid, "liquid": _fluid}[args.kind](args, {
         "ground": args.ground, "meters_per_unit": args.meters_per_unit, "frames": args.frames, "pins": tuple(args.pin),
         "colliders": tuple(args.collider), "bound": args.material})
+
+
+def convert_meshes(args, notes: list) -> None:
+    """Puts USD files in the place of OBJ files among the arguments."""
+    from wsim.usd.new.obj_file import convert_obj, is_obj
+
+    def converted(file: str) -> str:
+        return convert_obj(file, args.output, args.meters_per_unit, args.force, notes) if is_obj(file) else file
+    args.mesh, args.collider = converted(args.mesh), [converted(file) for file in args.collider]
 
 
 def write_starter(args) -> list:

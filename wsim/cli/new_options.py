@@ -15,7 +15,7 @@ def add(commands) -> None:
     for name, told in (("fluid", "smokes, in a box of air around it"),
                        ("liquid", "is full of water at the start, in a tank around it")):
         fluid = new.add_parser(name, help=f"a scene in which a closed mesh, a shape or points {told}")
-        fluid.add_argument("mesh", help="USD file")
+        fluid.add_argument("mesh", help="USD or OBJ file")
         fluid.add_argument("--cells", type=whole, default=64, metavar="N",
                            help="along the longest edge of the box (default: 64)")
     for kind in new.choices.values():
@@ -47,7 +47,7 @@ def add(commands) -> None:
 
 def _new_cloth(new) -> None:
     cloth = new.add_parser("cloth", help="a scene in which a mesh is cloth; the mesh is referred to and stays as it is")
-    cloth.add_argument("mesh", help="USD file")
+    cloth.add_argument("mesh", help="USD or OBJ file")
     cloth.add_argument("--fabric", metavar="NAME", help="silk, cotton, denim, leather or rubber (default: the physics material "
                                                         "of the mesh, else cotton)")
     cloth.add_argument("--weld", type=length, metavar="METRES", help="sew points closer than this (seams)")
@@ -58,7 +58,7 @@ def _new_cloth(new) -> None:
 def _new_softbody(new) -> None:
     soft = new.add_parser("softbody", help="a scene in which a TetMesh, or a closed mesh in a cage of tets, is a soft body; "
                                            "the mesh is referred to and stays as it is")
-    soft.add_argument("mesh", help="USD file")
+    soft.add_argument("mesh", help="USD or OBJ file")
     soft.add_argument("--cells", type=whole, default=10, metavar="N",
                       help="cells of the cage along the longest side; 4 and more across it bend as they should (default: 10)")
     soft.add_argument("--young", type=positive, metavar="PA", help="Young's modulus [Pa] (default: 1e6, rubber)")

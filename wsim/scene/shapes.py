@@ -3,6 +3,7 @@
     sheet           a rectangle of cells, vertical or horizontal; row 0 is its top (or far) edge
     spring_sheet    a square net of springs: structural, both diagonals, weak cross springs over one point
     sphere, box, capsule, cylinder, cone, torso     closed surfaces, wound outward (counter-clockwise from outside)
+    read_obj        the surface of an OBJ file
     block           a solid box of tetrahedra, as `Scene.soft` takes it, as in `shapes.block((1.0, 0.2, 0.2), 4)`
 
 A surface is (points (n, 3) float64 [m], counts (faces,) int32, indices (sum of counts,) int32), in the order that
@@ -187,3 +188,39 @@ def block(size, cells, kind: str = "five", *, at=(0.0, 0.0, 0.0)) -> tuple[np.nd
     if at.shape != (3,) or not np.all(np.isfinite(at)):
         raise ValueError(f"at is {at.tolist()}; it must be three finite coordinates [m]")
     return points + at, tets
+
+
+def read_obj(path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All faces of an OBJ file (Wavefront) as one surface, in the file's unit; scale its points to metres, as in
+    `points, counts, indices = shapes.read_obj("cloth.obj"); scene.cloth("/cloth", 0.01 * points, counts, indices)`.
+
+    Points that no face has are left out. Lines other than v and f are not read. Raises ValueError naming the line that is
+    wrong, and OSError for a file that cannot be read.
+    """
+    points: list[list[float]] = []
+    counts, indices = [], []
+    with open(path, encoding="utf-8", errors="replace") as file:
+        for number, line in enumerate(file, 1):
+            key, *words = line.split() or [""]
+            if key not in ("v", "f"):
+                continue
+            try:
+                if key == "v":
+                    points.append([float(word) for word in words[:3]])
+                else:
+                    corners = [int(word.split("/")[0]) for word in words]
+                    found = [k - 1 if k > 0 else len(points) + k for k in corners]
+            except ValueError:
+                raise ValueError(f"{path}: line {number}: {line.strip()[:60]!r} has no numbers where they should be") from None
+            if key == "v" and len(points[-1]) < 3:
+                raise ValueError(f"{path}: line {number}: a point has {len(words)} coordinates; it must have 3")
+            if key == "f" and (len(found) < 3 or min(found) < 0 or max(found) >= len(points)):
+                raise ValueError(f"{path}: line {number}: {line.strip()[:60]!r} names {len(found)} points of the {len(points)} "
+                                 "before it; it must name 3 or more that are there")
+            if key == "f":
+                counts.append(len(found))
+                indices += found
+    if not counts:
+        raise ValueError(f"{path}: has no faces; it must have lines that begin with f")
+    used, corner = np.unique(indices, return_inverse=True)
+    return np.array(points, np.float64)[used], np.array(counts, np.int32), corner.astype(np.int32).reshape(-1)

@@ -115,13 +115,23 @@ def open_stage(path, variants: dict | None = None, notes: list | None = None) ->
             stage = Usd.Stage.Open(unfinished(path) or path)
             _refresh(stage)
         except Tf.ErrorException as error:
-            raise SceneError(Problem(path, f"is not a readable USD file: {reason(error)}")) from None
+            raise SceneError(Problem(path, f"is not a readable USD file: {reason(error)}{describe_import(path)}")) from None
         except OSError as error:
             raise SceneError(Problem(path, f"cannot be read: {error}")) from None
         if variants:
             _choose(stage, variants)
     found.extend(_unresolved(stage))
     return stage
+
+
+def describe_import(path: str) -> str:
+    """Text that says how a file of another format becomes a stage; "" of one that should be one."""
+    ending = os.path.splitext(path)[1].lower()
+    if ending == ".obj":
+        return f"; `wsim new cloth {path} -o SCENE` makes a scene of it (or softbody, fluid, liquid)"
+    if ending in (".urdf", ".xml"):
+        return f"; `wsim new robot {path} -o SCENE` makes a scene of it"
+    return "" if ending in (*SUFFIXES, ".usdz") else "; export it to USD or OBJ from the program that made it"
 
 
 def source_of(stage: Usd.Stage, notes: list[Problem], variants: dict | None = None) -> str | None:
