@@ -179,8 +179,8 @@ def test_a_material_refuses_by_the_bounds_of_the_table():
 
 
 def test_documents_name_every_value():
-    """What is live in the words of `Simulation.set`, what is fitted in the README of fitting."""
-    said, readme = str(Simulation.set.__doc__), (Path(__file__).resolve().parents[2] / "wsim/fitting/README.md").read_text(
+    """What is live in the words of `Simulation.set`, what is fitted in the page about fits."""
+    said, page = str(Simulation.set.__doc__), (Path(__file__).resolve().parents[2] / "wsim/docs/fits.md").read_text(
         encoding="utf-8")
     assert [name for name in table.live("") if not re.search(rf"\b{name}\b", said)] == []
-    assert [name for name in (*parameter.names(), *(f"{kind.name}[]" for kind in field.kinds())) if name not in readme] == []
+    assert [name for name in (*parameter.names(), *(f"{kind.name}[]" for kind in field.kinds())) if name not in page] == []

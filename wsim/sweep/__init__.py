@@ -1,7 +1,7 @@
 """Sweeps: one scene in many variations, a row of a table for each run, here or on many machines.
 
 `wsim.sweep(scene, vary, folder)` is `wsim.sweep.sweep.sweep`: the package may be called, whichever of its modules was imported
-first. README.md beside this file shows how it is used.
+first. wsim/docs/sweeps.md shows how it is used.
 """
 
 import sys

@@ -280,14 +280,13 @@ def lines() -> list[tuple[str, str, str]]:
     return found + [("refused", row.what, "") for key, row in REFUSED.items() if key not in ("value", "material")]
 
 
-def summary() -> dict[str, str]:
-    """Text of what is covered, in a sentence a kind: of documents."""
+def table_rows() -> list[str]:
+    """Rows of the tables in wsim/docs/gradients.md: what a run may hold and a loss may look at, by solver; inputs by owner."""
+    rows = [f"| {row.what} | {', '.join(row.tests)} |" for row in COVERED if row.kind != BY]
     by: dict[str, list[str]] = {}
     for owner, name in (pair for row in COVERED for pair in row.names()):
         by.setdefault(owner, []).append(name)
-    return {THROUGH: "; ".join(row.what for row in COVERED if row.kind == THROUGH),
-            BY: "; ".join(f"{', '.join(names)} of {owner}" for owner, names in by.items()),
-            OF: "; ".join(row.what for row in COVERED if row.kind == OF)}
+    return [*rows, *(f"| `{owner}` | {', '.join(names)} |" for owner, names in by.items())]
 
 
 def text() -> str:
