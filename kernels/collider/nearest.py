@@ -17,7 +17,6 @@ import warp as wp
 
 from wsim.kernels.contact.mesh import BALLS, SHEET, SOLID
 from wsim.kernels.contact.shape import distance
-from wsim.kernels.math.face import equal_distance
 from wsim.kernels.math.real import types
 
 FAR = 1.0e9              # [m] further than anything
@@ -77,6 +76,8 @@ def nearest(kinds: tuple[str, ...], real):
     """Function (kind, size, mesh, q) -> (phi, n, face, u, v)."""
     t, convex = types(real), distance(convex_kinds(kinds))
     solid, sheet, cloud, balls = "solid" in kinds, "sheet" in kinds, "balls" in kinds, nearest_balls(real)
+    if solid:
+        from wsim.kernels.math.face import equal_distance
 
     @wp.func
     def nearest(kind: int, size: t.vec3, mesh: wp.uint64, q: t.vec3):

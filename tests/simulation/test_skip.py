@@ -103,7 +103,7 @@ MODULES = {
     "cape": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | AERO | CONTACT | PINNED | SLIVERS | MANY
     | MOVED,
     "tablecloth": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SHARP
-    | room("kernels", "math.face"),                                         # sides of its table, a closed mesh
+    | room("kernels", "math.face"),                                         # sides of closed meshes, beside edges
     "shirt": SCENE | RUN | CHECKS | WEIGHED | LEAP | FUSED | WHOLE | CONTACT | OUTLINE | SLIVERS | LISTED
     | room("kernels", "math.face") | room("geometry", "tetra.lattice"),     # distances of its dummy; what starts inside
 }
