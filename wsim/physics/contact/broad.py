@@ -19,6 +19,8 @@ from wsim.physics.contact.colliders import Rows
 ROOM, WIDE = 16, 48    # faces of a list at first, of explicit steps and of others; MOST at last
 EVERY = 32             # substeps of a list. H100, the shirt on its dummy, 1122 substeps a frame, ms: 8 69.8, 32 65.1, 128 73.5;
                        # without lists 94.1
+OFTEN = 8              # of one where substeps are long: it holds what a point may come near until it ends. bone_cape with
+                       # 108 substeps, its frames with most contacts, CPU-ms: 32 60, 16 51, 8 50, 4 54
 
 
 class Tree:
@@ -61,14 +63,14 @@ class Tree:
         launch(self.boxes, len(self.low), [self.table, k], [self.low, self.high])
 
 
-def listed(contacts, room: int = ROOM) -> None:
+def listed(contacts, room: int = ROOM, every: int = EVERY) -> None:
     """Lets the search of `contacts` (`wsim.physics.contact.contacts.Contacts`) list faces, where an object has meshes: for
-    substeps that are many and short. room: for faces of a list."""
+    substeps that are many and short. room: for faces of a list; every: substeps of it."""
     size = _meshes_of(contacts)
     if not size:
         return
     p, device = contacts.points, contacts.device
-    p.every = EVERY
+    p.every = every
     p.count, p.place = (wp.zeros(size, dtype=kind, device=device) for kind in (int, wp.vec3f))
     p.radius = wp.full(size, -1.0, dtype=float, device=device)
     p.wanted = wp.zeros(1, dtype=int, device=device)

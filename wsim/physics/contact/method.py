@@ -132,7 +132,7 @@ class Contact(Method):
         elif self.contacts.meshes and self.movers is None and not self.model.gradients and self.contacts.substeps >= CLEARED:
             from wsim.physics.contact import broad
             if self.model.device.is_cuda and max(len(m.triangles) for m in self.contacts.meshes.values()) <= LISTS:
-                broad.listed(self.contacts, broad.WIDE)
+                broad.listed(self.contacts, broad.WIDE, broad.OFTEN)
             else:
                 broad.cleared(self.contacts)
         if self.contacts.search_kernel is None:
