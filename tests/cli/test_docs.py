@@ -21,6 +21,8 @@ FILE = re.compile(r"# ([\w/]+\.py)\n")             # the first line of a snippet
 PAGES = pages()
 READMES = [path for folder in ("wsim", "kernels") for path in sorted((ROOT / folder).rglob("README.md"))
            if path.resolve() == path]                                     # of folders, for who changes the code; not of links
+LISTS = [ROOT / "scenes/README.md", ROOT / "scenes/examples/README.md", ROOT / "tools/README.md",
+         *sorted((ROOT / "tools/results").glob("*.md"))]                       # tests/tools/test_readme.py holds their length
 EXTRAS = "torch", "jax"
 TABLES = (methods.METHODS, solids.SOLIDS, solid.MODELS, integrator.TABLE, kind.TABLE, material.TABLE)
 
@@ -73,7 +75,7 @@ def test_snippets_run_one_after_the_other(name, tmp_path, monkeypatch, tables):
         pytest.skip(f"the others ran; could not import {', '.join(sorted(left))}")
 
 
-@pytest.mark.parametrize("path", [*PAGES.values(), *READMES], ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", [*PAGES.values(), *READMES, *LISTS], ids=lambda path: str(path.relative_to(ROOT)))
 def test_sentences_are_short(path):
     """At most 20 words in the median, and 40 words."""
     found = sentences(path.read_text(encoding="utf-8"))
