@@ -65,7 +65,7 @@ from wsim.scene.methods import every, loads_of_bodies, touches
 # to 3.3, 6.6 and 17 to 24 ms a substep, by leapfrog as by XPBD); of a GPU what the twist of 50k points takes, 19 to 30 ms by 24
 # rigid to drop: CPU, medians of bricks, dominoes, a pyramid, an arch, cards, a humanoid, a plume, 1, 20 and 100 sources, a dam,
 # a tank: said to take 0.6 to 1.4 of their frames (one core); H200: scenes_h200.json, a pile of 1000 bodies, a tank of a million
-# particles (tools/results/README.md); no scene there has many sources
+# particles (tools/results/fluids.md); no scene there has many sources
 # rods to rope: CPU, hairs of 32 points on a ball, a shaken head, a knot, a net under three bodies: said to take 0.5 to 1.4 of
 # their frames in the mean; H200: 100 and 10000 hairs (3 to 15 ms by 4), 4 ropes under a box and 64 under 16 (60 and 91 ms by 4)
 COSTS = {
