@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wsim.physics.rigid.objects import Body
 from wsim.scene import Box, Plane, Scene, Sphere
 from wsim.simulation.predicted.scene_counts import count_fluids, count_rigid, longest_chain
 from wsim.simulation.simulation import Simulation
@@ -20,6 +21,13 @@ def test_a_stack_of_boxes_touches_at_four_corners_a_box():
     apart = Scene()
     apart.body("/ball", Sphere(0.1), at=(0, 5, 0))
     assert count_rigid(apart, False) == {"rigid": 1, "contact": 2, "joint": 0} and count_rigid(Scene(), False) == {}
+
+
+def test_bodies_without_shapes_touch_nothing():
+    scene = Scene()
+    scene.add(Body("/point", [], mass=1.0, center=np.zeros(3), inertia=np.ones(3)))
+    assert count_rigid(scene, False) == {"rigid": 1, "contact": 2, "joint": 0}
+    Simulation(scene, device="cpu").step()
 
 
 def test_a_chain_counts_as_long_as_it_is():

@@ -10,15 +10,14 @@ The second prints milliseconds a frame and the greatest depth of a point in the 
 import argparse
 import json
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import warp as wp
 
 from wsim.physics.animation import skinning
-from wsim.physics.animation.method import Bones
 from wsim.physics.animation.objects import DUAL, LINEAR, Skeleton, Skinned
 from wsim.physics.animation.skin import Skin
+from wsim.physics.animation.tables import Sampling, Tables
 from wsim.scene import Scene, Surface, shapes
 from wsim.simulation.simulation import Simulation
 
@@ -56,7 +55,8 @@ def speed(device, n: int, joints: int, m: int = 4) -> list[dict]:
     """Rows of linear blend and dual quaternions, joints in order and at random."""
     rng = np.random.default_rng(0)
     bones, rows = tree(joints, rng), []
-    method = Bones(SimpleNamespace(real=wp.float32, device=device, gradients=False), [bones])
+    tables = Tables([bones], device, wp.float32)
+    sampling = Sampling(tables, np.zeros(1))
     weights = rng.uniform(0.1, 1.0, (n, m))
     weights /= weights.sum(axis=1, keepdims=True)
     points = rng.normal(size=(n, 3)).astype(np.float32)
@@ -68,12 +68,13 @@ def speed(device, n: int, joints: int, m: int = 4) -> list[dict]:
         first = np.sort(rng.integers(0, joints, n)) if order == "in order" else rng.integers(0, joints, n)
         index = (first[:, None] + rng.integers(0, 4, (n, m))) % joints
         for way in (LINEAR, DUAL):
-            skin = Skin(method, Skinned(bones, points, index, weights, method=way))
-            out, times = wp.zeros((1, n), dtype=wp.vec3, device=device), np.array([0.3])
-            skin.points(times, out)                                            # compiles, and evaluates the joints
-            given = method.A if skin.linear else skin.duals
-            took = seconds(lambda: wp.launch(skin.kernel, out.shape, [skin.table, skin.point, given], [out],  # noqa: B023
-                                             device=device), device)
+            skin = Skin(tables, Skinned(bones, points, index, weights, method=way))
+            out = wp.zeros((1, n), dtype=wp.vec3, device=device)
+            sampling.begin(0.3)
+            launches = [*sampling.launches(), *skin.launches(sampling, out)]
+            for launch in launches:                                            # compiles, and evaluates the joints
+                wp.launch(*launch, device=device)
+            took = seconds(lambda: wp.launch(*launches[-1], device=device), device)  # noqa: B023
             want = skin.skin.only(np.arange(0, n, max(n // 1000, 1))).at(0.3)
             error = float(np.abs(out.numpy()[0, ::max(n // 1000, 1)] - want).max())
             rows.append({"what": "skinning", "method": way, "joints": joints, "order": order, "vertices": n, "influences": m,

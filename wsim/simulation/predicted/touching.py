@@ -60,9 +60,10 @@ class Solids:
 
     def __init__(self, rows: list[Row]):
         self.body, self.paths = np.array([r.body for r in rows], int), [r.path for r in rows]
-        self.center, self.axes = np.array([r.center for r in rows]), np.array([r.axes for r in rows])
-        self.half = np.array([r.half for r in rows], np.float64)
-        self.ball, self.disc = np.array([r.ball for r in rows]), np.array([r.disc for r in rows])
+        self.center = np.array([r.center for r in rows], np.float64).reshape(-1, 3)
+        self.axes = np.array([r.axes for r in rows], np.float64).reshape(-1, 3, 3)
+        self.half = np.array([r.half for r in rows], np.float64).reshape(-1, 3)
+        self.ball, self.disc = (np.array([getattr(r, name) for r in rows], np.float64) for name in ("ball", "disc"))
         hulls = [r.points for r in rows if r.points is not None]              # filled up with their first vertex
         most = max(map(len, hulls), default=1)
         self.vertices = np.array([np.concatenate([p, np.tile(p[:1], (most - len(p), 1))]) for p in hulls]).reshape(-1, most, 3)
