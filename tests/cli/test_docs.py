@@ -90,6 +90,17 @@ def test_readmes_of_folders_are_short(path: Path):
     assert len(path.read_text(encoding="utf-8").split()) <= 300
 
 
+@pytest.mark.parametrize("path", [*PAGES.values(), *READMES], ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_that_are_named_are_there(path: Path):
+    """Paths from the root of the repository; of READMEs also what the first column of a table names."""
+    page = path.read_text(encoding="utf-8")
+    named = [ROOT / name for name in re.findall(r"`((?:wsim|kernels|tests|tools|scenes)/[\w./]+)`", page)]
+    if path in READMES:
+        cells = re.findall(r"^\|([^|]*)\|", page, re.M)
+        named += [path.parent / name for cell in cells for name in re.findall(r"`([\w.]+)`", cell)]
+    assert [str(each) for each in named if not each.exists()] == []
+
+
 @pytest.mark.parametrize("name", PAGES)
 def test_links_lead_to_pages(name):
     links = re.findall(r"\]\((?!http)([^)#]+)\)", text(name))
