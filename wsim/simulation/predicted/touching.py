@@ -181,6 +181,8 @@ def filtered(scene, bodies: list, s: Solids, meshes: list[str]) -> np.ndarray:
 def near(s: Solids) -> tuple[np.ndarray, np.ndarray]:
     """Pairs (m,), (m,) of shapes whose bounds, grown by the gap that counts, overlap; the first is of a body. Shapes are gone
     through in the order in which they begin along the longest axis (sweep and prune), some at a time."""
+    if not (s.body >= 0).any():
+        return np.zeros(0, int), np.zeros(0, int)
     low, high = s.bounds()
     low, high = low - s.reach, high + s.reach
     axis = int(np.argmax(np.ptp(s.center[s.body >= 0], axis=0)))
