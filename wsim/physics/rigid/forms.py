@@ -17,11 +17,11 @@ from wsim.kernels.rigid import launches, passes, soft_step
 from wsim.kernels.rigid.graph import colours
 from wsim.physics.motion.cluster import LARGE, MANY
 
-RULE = 2                  # of `chosen`; a change of it changes which form a scene takes
+RULE = 3                  # of `chosen`; a change of it changes which form a scene takes
 THREADS = 256             # of a block, for which there are 255 registers each
 SMALL = 256               # shapes up to which a block has a thread for each manifold of a colour
-HUGE = 768                # shapes from which one cluster is few (H200: 1000 in a pile 12.3 ms a frame against 10.9 by launches,
-#                           3000 14.3 and 11.9, 10 000 in columns 5.1 and 3.8; 55 in a pyramid 3.4 and 5.1)
+HUGE = 1536               # shapes from which one cluster is few (H200: 1000 in a pile 7.2 ms a frame against 8.8 by launches;
+#                           before passes were joined, 3000 took 14.3 and 11.9, 10 000 in columns 5.1 and 3.8)
 WALKERS = {True: 16384, False: 48}               # threads of a launch that walks up to a count: CUDA, CPU
 PASSES = "prepare", "warm", "solve"              # as `contact_passes` of kernels/rigid/joint/passes.py numbers them
 TITLES = {"listed": "one thread, manifold by manifold", "coloured": "one thread, colour by colour",
