@@ -44,7 +44,7 @@ class Build:
 
     @property
     def ports(self) -> Ports:
-        """What the methods that stand before in the table offer."""
+        """Ports of the methods that stand before in the table."""
         return self.methods.ports
 
     @cached_property
@@ -218,7 +218,7 @@ def module_name(b: Build) -> str:
 
 
 def left_out(b: Build) -> list[dict]:
-    """What a plan does not have, and why."""
+    """Methods that a plan does not have, and why."""
     none = "" if b.model.bodies else "there are no points"
     absent = [(row.name, row.without if row.owns else none or row.without) for row in METHODS
               if row.without and not b.reasons[row.name]]

@@ -96,7 +96,7 @@ class Plan:
 
     @property
     def ports(self) -> Ports:
-        """What methods offer."""
+        """Ports of the methods."""
         return self.methods.ports
 
     def method(self, name: str) -> Method | None:

@@ -4,7 +4,7 @@ from wsim.scene import Scene
 
 
 def count_others(scene: Scene, chained: bool) -> tuple[dict[str, float], dict[str, float]]:
-    """What rigid bodies do in a substep, and fluids in a frame; chained: joints of the longest chain alone count."""
+    """Counts of the work of rigid bodies in a substep and of fluids in a frame; chained: of joints the longest chain alone."""
     return count_rigid(scene, chained), count_fluids(scene)
 
 
