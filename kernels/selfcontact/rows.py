@@ -136,13 +136,12 @@ def leads(real):
 
 
 @cache
-def pressing(real, fixed=None):
+def pressing(real):
     """Function (at, h, climb, turn, lead, to) -> (h, change): pair h with the push of one sweep, which goes to its points; how
-    far these come by that, less what is calm [m]. turn: at once, in turn. lead: see `leads`. fixed: in place of
-    `pairs.fixed`."""
+    far these come by that, less what is calm [m]. turn: at once, in turn. lead: see `leads`."""
     t = types(real)
     State, Sums = states(real), pairs.sums(real)
-    fixed, (Held, _) = fixed or pairs.fixed(real), holding(real)
+    fixed, (Held, _) = pairs.fixed(real), holding(real)
 
     @wp.func
     def after(n: t.vec3, push: t.vec3, C: real, W: real, slip: t.vec3, mu: t.vec2):

@@ -8,7 +8,6 @@ from tests.physics.rigid.test_contact import ball, box
 from tests.physics.rigid.touch.test_blows import FREE, by
 from tests.physics.rigid.touch.touching import Mixed, run, scene
 from tests.physics.selfcontact.test_modules import swept
-from wsim.physics.selfcontact.rows import sweeps
 
 pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a GPU")
 
@@ -42,12 +41,3 @@ def test_sweeps_in_one_launch_have_the_bits_of_many(name, many, monkeypatch):
     moves as well, which by leapfrog changes nothing."""
     found = [swept(name, together, "cuda:0", monkeypatch) for together in (True, many, True)]
     assert all(np.array_equal(found[0], other) for other in found[1:])
-
-
-@pytest.mark.parametrize("name", ["xpbd", "leapfrog"])
-def test_sweeps_by_one_block_have_the_bits_of_all(name, monkeypatch):
-    found = []
-    for alone in (0, 1024):
-        monkeypatch.setattr(sweeps, "ALONE", alone)
-        found.append(swept(name, True, "cuda:0", monkeypatch))
-    assert np.array_equal(*found)

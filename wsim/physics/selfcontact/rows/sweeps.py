@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import wsim.kernels.selfcontact.sweeps.sweep as kernels
+import wsim.kernels.selfcontact.sweep as kernels
 from wsim.kernels.math.block import CLUSTERS
 from wsim.kernels.math.real import types
 from wsim.kernels.selfcontact import rows
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 TOGETHER = True                  # one launch; tests compare
 BLOCKS, CLUSTER = 64, (16, 8)    # blocks at most; those of a cluster where as many were run, and elsewhere
 
-HELD, POOL = 1 << 14, 1 << 15    # pairs that a CPU, a GPU keep as sweeps read them
-ALONE = 0                        # pairs that one block takes alone, at most
+HELD = 1 << 14                   # pairs that a CPU keeps as sweeps read them
 
 
 def at_once(multiprocessors: int, cluster: int) -> int:
@@ -48,10 +47,7 @@ class Sweeps:
             self.blocks = at_once(device.sm_count, self.cluster)
         self.words = wp.zeros(kernels.WORDS, dtype=int, device=device)
         self.moved = wp.zeros(method.surfaces.total, dtype=int, device=device)
-        Held = holding(real)[0]
-        self.held = wp.zeros(0 if device.is_cuda else HELD, dtype=Held, device=device)
-        self.pool = wp.zeros(POOL * wp.types.type_size_in_bytes(Held) // 4 * device.is_cuda, dtype=int, device=device)
-        self.slot = wp.zeros_like(self.moved)
+        self.held = wp.zeros(0 if device.is_cuda else HELD, dtype=holding(real)[0], device=device)
         self.kernel: Any = None
 
     def fits(self) -> bool:
@@ -106,7 +102,7 @@ class Sweeps:
             touch = filled(Touched, rows=c.table, points=c.points, slots=c.slots, push=c.push)
         how = filled(How, climb=rows.RECOVERY * clock.h, calm=rows.CALM * clock.h, count=count, anew=anew, leads=int(leads),
                      spared=spared, free=free, threads=self.blocks * self.block, words=self.words, moved=self.moved,
-                     held=self.held, pool=self.pool, slot=self.slot, alone=ALONE, g=contact.step(clock) if contact else clock.g)
+                     held=self.held, g=contact.step(clock) if contact else clock.g)
         self.words.zero_()
         self.model.launch_blocks(self.kernel, self.blocks, self.block, [method.surfaces.data, at, how, touch, near.table,
                                                                         near.words], [near.sums])
