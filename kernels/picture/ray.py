@@ -25,6 +25,7 @@ LIFT = wp.constant(2.0e-4)        # start of a secondary ray over its surface; s
 FAR = wp.constant(1.0e4)          # longest ray
 BACK_SHADE = wp.constant(0.72)    # albedo of the back side over that of the front
 BOUNCE = wp.constant(0.30)        # light that a surface met by a sky ray is assumed to receive
+TILE_SHADE = wp.constant(0.12)    # of light that the darker squares of a floor keep back
 OFF_PLANE = wp.constant(0.02)     # neighbours this far from the tangent plane, a unit of view distance, share no light
 
 
@@ -46,6 +47,7 @@ class View:
     up: wp.vec3          # of the world
     ground: float        # height of the ground along up
     floor: int           # 1: there is a ground
+    tile: float          # edge of the squares that show it; 0: shadows alone do
     light: wp.vec3       # unit, towards the key light
     spread: float        # tangent of the light's angular radius
     key: wp.vec3         # colour of the key light
@@ -207,6 +209,18 @@ def encode(c: float):
 
 
 @wp.func
+def tile_shade(view: View, p: wp.vec3, d: wp.vec3, height: int):
+    """Share of light of a floor in squares, every second of which is darker, at a place p seen along d. Squares fade out where
+    a pixel covers half of one."""
+    if view.tile <= 0.0:
+        return 1.0
+    q = (p - wp.dot(p, view.up) * view.up) / view.tile
+    squares = int(wp.floor(q[0] + 0.5)) + int(wp.floor(q[1] + 0.5)) + int(wp.floor(q[2] + 0.5))
+    wide = wp.length(p - view.eye) * 2.0 * wp.length(view.above) / float(height) / wp.max(-wp.dot(d, view.up), 1.0e-3)
+    return 1.0 - TILE_SHADE * float(squares & 1) * wp.clamp(1.0 - 2.0 * wide / view.tile, 0.0, 1.0)
+
+
+@wp.func
 def radiance(samples: Samples, view: View, light: wp.array2d(dtype=wp.vec4), y: int, x: int):
     """Linear colour of one traced pixel."""
     d = pixel_ray(view, y, x, light.shape[0], light.shape[1])
@@ -218,7 +232,7 @@ def radiance(samples: Samples, view: View, light: wp.array2d(dtype=wp.vec4), y: 
         lit = shade(view, n, light[y, x])
         S = 0.8 * view.zenith + 0.2 * view.horizon                # cosine mean of `sky` over a free hemisphere
         free = shade(view, n, wp.vec4(1.0, S[0], S[1], S[2]))
-        c = wp.cw_mul(c, wp.min(wp.cw_div(lit, free), wp.vec3(1.0)))
+        c = tile_shade(view, samples.place[y, x], d, light.shape[0]) * wp.cw_mul(c, wp.min(wp.cw_div(lit, free), wp.vec3(1.0)))
     if what == SURFACE:
         c = wp.cw_mul(samples.albedo[y, x], shade(view, n, light[y, x]))
         rim = 1.0 - wp.max(-wp.dot(n, d), 0.0)      # a little sheen at grazing angles

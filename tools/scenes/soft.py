@@ -95,16 +95,16 @@ def twist() -> str:
 
 
 def bear() -> str:
-    own = "\n".join([looks("Jelly", (0.5, 0.22, 0.08)), "float3 xformOp:rotateXYZ = (0, -25, 8)",
-                     "float3 xformOp:scale = (0.1, 0.1, 0.1)", moved(0, 0.3, 0, 'xformOp:rotateXYZ", "xformOp:scale')])
+    own = "\n".join([looks("Jelly", (0.5, 0.22, 0.08)), "float3 xformOp:rotateXYZ = (0, -25, 0)",
+                     "float3 xformOp:scale = (0.1, 0.1, 0.1)", moved(0, 0.05, 0, 'xformOp:rotateXYZ", "xformOp:scale')])
     mesh = block("TetMesh", "Bear", own, BODY, "The bear as it was delivered: bare tets in another file, untouched, ten metres "
                  "long; a scale makes it one metre. What makes it a soft body is authored here, over the reference.")
     there = "prepend references = @assets/bear_tet.usdc@</root/bear>\n    "
     mesh = mesh.replace("prepend apiSchemas", there + "prepend apiSchemas", 1)
-    return scene("A bear of jelly falls on the floor, askew, and bounces.", [
+    return scene("A bear of firm jelly drops on its feet, trembles and stands.", [
         settings(comment=CHOSEN, substeps=8, iterations=2),
-        material("Jelly", Bulk(young=2e5, poisson=0.4, density=1000.0, static_friction=0.6, dynamic_friction=0.5), "E = 200 "
-                 "kPa: a firm jelly sweet. Nothing damps it: it bounces and trembles on."),
+        material("Jelly", Bulk(young=1e6, poisson=0.4, density=1000.0, static_friction=0.6, dynamic_friction=0.5), "E = 1 "
+                 "MPa, as soft rubber: its legs carry it. At 200 kPa they give way. Nothing damps it: it trembles on."),
         mesh, ground(),
     ], frames=96)
 

@@ -16,6 +16,7 @@ import numpy as np
 from wsim.scene import Problem, SceneError
 from wsim.show.camera import Camera, fitted, subjects
 from wsim.show.image import animation, png
+from wsim.show.prim import Drawn
 from wsim.show.raycast import Caster, checked_size, render
 from wsim.show.visible import Visible, visible
 from wsim.usd.result.atomic import replace_bytes
@@ -25,6 +26,7 @@ __all__ = ["Camera", "Caster", "picture", "render"]
 SUFFIXES = (".png", ".apng", ".gif", ".mp4")
 MOVING = (".apng", ".gif", ".mp4")
 MOST_FRAMES = 2000               # of one animation: all images are held in memory
+LOOKS = 9                        # frames that an automatic camera looks at, besides those that are drawn
 GUTTER = 4                       # pixels between the images of a sheet
 
 
@@ -57,7 +59,7 @@ def picture(stage_path, out, *, frames=None, size: tuple[int, int] = (960, 540),
     caster = Caster([d.look for d in seen.drawn], cell, device)
     images = [caster.image([d.points(t) for d in seen.drawn], c, seen.up, floor,
                            [d.colors(t) if d.colors else d.look.colors for d in seen.drawn],
-                           [(smoke, smoke.at(t)) for smoke in seen.smoke])
+                           [(smoke, smoke.at(t)) for smoke in seen.smoke], seen.floor is not None)
               for t, c, floor in zip(times, cameras, floors, strict=True)]
     drawn = perf_counter()
     if sheet:
@@ -106,12 +108,7 @@ def _chosen(seen: Visible, frames, moving: bool, sheet: int | None) -> list[floa
 
 def _cameras(seen: Visible, times: list[float], camera, aspect: float) -> tuple[list[Camera], list[float | None]]:
     """The camera and the height of the ground at each time."""
-    sets: list[list[np.ndarray]] = [[] for _ in seen.drawn]
-    for t in times:
-        for k, d in enumerate(seen.drawn):
-            points = d.points(t)
-            sets[k].append(points[:: 1 + len(points) // 20000])
-    groups = [np.concatenate(s) for s in sets] + [smoke.corners(times[0]) for smoke in seen.smoke]
+    groups = framed_points(seen, times)
     chosen = np.concatenate([groups[k] for k in subjects(groups)] or [np.array([[-1.0, 0, -1.0], [1.0, 0, 1.0]])])
     axis = "XYZ".index(seen.up)
     base = min((float(g[:, axis].min()) for g in groups), default=0.0)
@@ -125,6 +122,30 @@ def _cameras(seen: Visible, times: list[float], camera, aspect: float) -> tuple[
     if camera not in seen.cameras:
         raise SceneError(Problem(str(camera), f"no such camera; the stage has {', '.join(seen.cameras) or 'none'}"))
     return [_of_stage(seen, camera, t) for t in times], floors
+
+
+def framed_points(seen: Visible, times: list[float]) -> list[np.ndarray]:
+    """Points that a camera frames, of each thing that is drawn and each volume (n, 3) [m]: over the whole run, at the times
+    that are drawn and at LOOKS between; of volumes where there is smoke."""
+    looks = sorted({*times, *(seen.times[int(k)] for k in np.linspace(0, len(seen.times) - 1, min(LOOKS, len(seen.times))))})
+    groups = []
+    for d in seen.drawn:
+        sets = [points for t in (looks if d.moves else times[:1]) if (points := finite_points(d, t, t in times)) is not None]
+        groups.append(np.concatenate([points[:: 1 + len(points) // 20000] for points in sets]))
+    for smoke in seen.smoke:
+        found = [corners for t in looks if (corners := smoke.filled(t)) is not None]
+        groups.append(np.concatenate(found) if found else smoke.corners(times[0]))
+    return groups
+
+
+def finite_points(drawn: Drawn, time: float, needed: bool) -> np.ndarray | None:
+    """Points of a thing at a time code; None of a broken frame, where it is not needed."""
+    try:
+        return drawn.points(time)
+    except SceneError:
+        if needed:
+            raise
+        return None
 
 
 def _of_stage(seen: Visible, path: str, time: float) -> Camera:

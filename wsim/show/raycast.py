@@ -40,9 +40,11 @@ class Caster:
             self.out = wp.zeros((self.size[1], self.size[0], 3), dtype=wp.uint8)
 
     def image(self, points: Sequence[np.ndarray], camera: Camera, up: str = "Y", floor: float | None = None,
-              colors: Sequence[np.ndarray] | None = None, clouds: "Sequence[Cloud]" = ()) -> np.ndarray:
+              colors: Sequence[np.ndarray] | None = None, clouds: "Sequence[Cloud]" = (),
+              tiles: bool = False) -> np.ndarray:
         """uint8 (h, w, 3), sRGB. points: world positions [m] of each mesh; floor: height of the ground [m], or none; colors:
-        linear, of each mesh as many as its look has; None: those; clouds: smoke, and its density now (None: there is none)."""
+        linear, of each mesh as many as its look has; None: those; clouds: smoke, and its density now (None: there is none);
+        tiles: squares show the ground, else its shadows alone."""
         sets = [np.asarray(p, np.float64) for p in points]
         if self.mesh is None:              # unit of length, kept: what stands still is then drawn the same to the bit
             boxes = [smoke.corners(smoke.times[0] if smoke.times else 0.0) for smoke, _ in clouds]
@@ -55,6 +57,7 @@ class Caster:
             if colors is not None:
                 surfaces.colors.assign(np.concatenate([*colors, np.ones((1, 3))]).astype(np.float32))
             view = _view(camera.filled(self.size[0] / self.size[1]), up, floor, center, scale)
+            view.tile = tile_size(scale) / scale if tiles else 0.0
             shape = self.light.shape
             wp.launch(ray.trace, dim=shape, inputs=[surfaces, view, self.samples], outputs=[self.light])
             media = _media(clouds, camera.eye, center, scale)
@@ -105,6 +108,12 @@ class Caster:
         self.surfaces.normal_of = wp.array(np.concatenate(normal_of).astype(np.int32), dtype=wp.vec3i)
         self.surfaces.color_of = wp.array(np.concatenate(color_of).astype(np.int32), dtype=wp.vec3i)
         self.surfaces.colors = wp.array(np.concatenate(colors).astype(np.float32), dtype=wp.vec3)
+
+
+def tile_size(scale: float) -> float:
+    """Edge of the squares of a floor [m]: 1, 2 or 5 times a power of ten, up to 0.35 of half the scene's size `scale` [m]."""
+    power = 10.0 ** np.floor(np.log10(0.35 * scale))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= 0.35 * scale * (1.0 + 1e-9)))
 
 
 def _media(clouds: "Sequence[Cloud]", eye: np.ndarray, center: np.ndarray, scale: float) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from wsim.scene import Problem, SceneError
 from wsim.show.camera import fitted, subjects
 from wsim.show.image import png
+from wsim.show.image.label import label_image
 from wsim.show.picture import cells, tiled
 from wsim.show.raycast import Caster
 from wsim.show.visible import Visible, visible
@@ -40,10 +41,19 @@ def sheet(folder, size: tuple[int, int] = SIZE, device=None) -> str:
     stages = [visible(os.path.join(folder, row["result"])) for row in chosen]
     cell, columns = cells(size, len(stages))
     camera = _camera(stages, cell[0] / cell[1])
-    images = [_image(seen, camera, cell, device) for seen in stages]
+    images = [label_image(_image(seen, camera, cell, device), describe_run(row))
+              for seen, row in zip(stages, chosen, strict=True)]
     out = Path(folder) / "sheet.png"
     replace_bytes(out, png.still(tiled(images, columns)))
     return str(out)
+
+
+def describe_run(row: dict[str, str]) -> list[str]:
+    """Lines NAME=VALUE of what varies in a sweep, for a tile of its sheet; numbers to four digits."""
+    names = list(row)
+    varied = names[1:names.index("status")] if "status" in names else []
+    return [f"{name.rpartition(':')[2]}={row[name][:24] if _number(row[name]) == inf else f'{float(row[name]):.4g}'}"
+            for name in varied]
 
 
 def _camera(stages: list[Visible], aspect: float):
@@ -61,7 +71,7 @@ def _image(seen: Visible, camera, cell: tuple[int, int], device) -> np.ndarray:
     base = min((float(d.points(time)[:, "XYZ".index(seen.up)].min()) for d in seen.drawn), default=0.0)
     return caster.image([d.points(time) for d in seen.drawn], camera, seen.up, seen.floor(time) if seen.floor else base,
                         [d.colors(time) if d.colors else d.look.colors for d in seen.drawn],
-                        [(smoke, smoke.at(time)) for smoke in seen.smoke])
+                        [(smoke, smoke.at(time)) for smoke in seen.smoke], seen.floor is not None)
 
 
 # plots

@@ -34,6 +34,16 @@ class Smoke:
     corners: Callable[[float], np.ndarray]        # (8, 3) of its box, world [m]
     times: list[float]                            # of its samples
 
+    def filled(self, t: float) -> np.ndarray | None:
+        """Corners (8, 3) of the box that holds what is seen of the smoke at a time code, world [m]; None: there is none."""
+        density = self.at(t)
+        if density is None:
+            return None
+        index = np.argwhere(density.values > SEEN * density.values.max())
+        ends = np.array([index.min(axis=0) - 0.5, index.max(axis=0) + 0.5])
+        box = np.array(np.meshgrid(*ends.T, indexing="ij")).reshape(3, -1)
+        return (density.world[:3, :3] @ box + density.world[:3, 3:]).T
+
     @cached_property
     def extinction(self) -> float:
         """[1/m] of smoke of 1."""
