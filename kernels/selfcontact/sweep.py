@@ -24,6 +24,7 @@ from wsim.kernels.selfcontact.couple import holding
 from wsim.kernels.selfcontact.rows import SPARED, TAKES, asked, asking, leads, pressing, weight, writing
 
 BLOCK = 256            # threads of one on a GPU, for which there are 255 registers each
+WARP = 32
 FEW = 1 << 14          # rows that one cluster takes, of more blocks
 WORDS = 6              # where blocks meet; rows that take part and points that they move, of this turn of asking and the next;
                        # rows that are asked between sweeps
@@ -123,6 +124,14 @@ def touching(real):
         return p, d
 
     return Kept, keep, touch
+
+
+@wp.func
+def spread_lanes(lane: int, every: int, threads: int):
+    """Number of a thread of `every`, in blocks of `threads`: warps in a row are of different blocks. Few pairs keep few warps
+    busy, which then have a multiprocessor each; 8 of one block would share it."""
+    inside = lane % threads
+    return (inside // WARP * (every // threads) + lane // threads) * WARP + inside % WARP
 
 
 @cache
@@ -245,6 +254,8 @@ def sweep(real, threads: int, touches: bool, turns: bool, module: str, cluster: 
         every = wp.where(few, int(wp.static(max(cluster, 1) * threads)), how.threads)
         if near.rows[0] == 0 or lane >= every:
             return
+        if wp.static(many):
+            lane = spread_lanes(lane, every, wp.static(threads))
         met, side, active, moved = int(1), int(1), int(0), int(0)
         held, kept = Held(), Kept()
         for k in range(how.count):

@@ -94,3 +94,11 @@ def test_blocks_of_sweeps_run_at_once():
             blocks = sweeps.at_once(multiprocessors, cluster)
             assert 0 < blocks <= max(multiprocessors, cluster) and blocks % max(cluster, 1) == 0
     assert sweeps.at_once(132, 16) == 64
+
+
+def test_warps_of_pairs_in_a_row_are_of_different_blocks():
+    from wsim.kernels.selfcontact.sweep import spread_lanes
+    number = np.array([spread_lanes(lane, 4 * 256, 256) for lane in range(4 * 256)])
+    assert np.array_equal(np.sort(number), np.arange(1024))
+    blocks = np.argsort(number).reshape(-1, 32) // 256
+    assert (blocks == blocks[:, :1]).all() and np.array_equal(blocks[:8, 0], [0, 1, 2, 3, 0, 1, 2, 3])
