@@ -8,6 +8,11 @@ contact is kept where the gap at the predicted place is under a margin of |dq| +
 collider: constraints may still move the point. A point that started too near by s0 < 0 is carried out by the same
 shift of d and a, hence without velocity, by at most `recovery` h; by what is then left its plane is moved back.
 
+The plane of a mesh's face goes on beyond the face. Along it a point may come through the next one, where the mesh is hollow;
+an open mesh has no inside that it would be brought back from. So a point that its first plane holds, and that goes further
+along it than the distance that it keeps, is tried once more, by the way that is left: d - C n; what it meets there is a
+further contact.
+
 Contacts stand in the order of the colliders, so results are bitwise the same from run to run. Slots are a struct, of which a
 tape keeps no versions: the search is run once more before its adjoint (kernels/contact/search_adjoint.py).
 """
@@ -31,6 +36,8 @@ SUNK_FROM = 0.01       # part of the skin: overlaps under it are rounding and no
 ROOM = 8               # rows that a look into the tree lists at most: it looks again behind the last; most points need one look
 MOST = 32              # rows that are listed so; a point that may reach more (a very fast one) tries each row of its object
 NONE = 0x7fffffff      # a row that there is not
+FURTHER = 8            # more faces of a mesh that a point may come to along the first in one substep
+ALIKE = 1.0 - 2e-6     # cosine between two planes that are one but for rounding
 SLACK = 1e-6           # of coordinates and radii, that boxes are larger by: 16 roundings of float32, `reachable` has under 8
 
 
@@ -39,6 +46,21 @@ def reachable(ball: Any, x: Any, bound: Any):
     """Whether a ball (centre, radius) comes within `bound` of x; not where x is no number."""
     away = x - type(x)(ball[0], ball[1], ball[2])
     return wp.dot(away, away) < (ball[3] + bound) * (ball[3] + bound)
+
+
+@wp.func
+def meets_again(c: Any, points: Any, i: int, row: int, C: Any, cosine: Any):
+    """Whether a way along a face leads through another one, of a gap C behind it; cosine: between both."""
+    return C < -(points.reach[i] + c.of.thick[row] - c.width) and cosine < type(C)(ALIKE)
+
+
+@wp.func
+def slides_on(c: Any, points: Any, at: wp.vec3i, C: Any, margin: Any, over: Any):
+    """Whether a point that is held before a face of a mesh goes far enough along it to come through another one: further than
+    what it keeps from all of them. at: row, i, k; over: how deep it begins."""
+    r = points.reach[at[1]] + c.of.thick[at[0]] - c.width
+    way = margin - c.skin - c.stride[at[2], at[0]]
+    return c.of.kind[at[0]] >= SOLID and C < type(C)(0.0) and over <= type(C)(SUNK_FROM) * c.skin and way >= r
 
 
 @cache
@@ -171,7 +193,7 @@ def finding(kinds: tuple[str, ...], real, broad: bool = False, listed: bool = Fa
     carried out of overlaps [m]; writes the slots and the mark of the point, and zeros its pushes. Other arguments: `search`."""
     t, (Rows, Points) = types(real), tables(real)
     Slots, meet, near = slots(real), against(kinds, real, listed, cleared), ahead(real) if broad else None
-    vectors = wp.array(dtype=t.vec3)
+    vectors, turns = wp.array(dtype=t.vec3), 1 + FURTHER * bool(collide.split(kinds)[1])
     if listed:
         from wsim.kernels.contact.candidates import ends
     if cleared:
@@ -184,6 +206,32 @@ def finding(kinds: tuple[str, ...], real, broad: bool = False, listed: bool = Fa
         s.b[j] = b
         s.u[j] = u
         push[j] = t.vec3()
+
+    @wp.func
+    def meet_row(c: Rows, points: Points, s: Slots, at: wp.vec4i, before: int, way: t.mat33, push: vectors):
+        """(contacts, SUNK or 0, carried) of point i with the collider of a row, added to `before` and to the last row of `way`:
+        x0, d0, carried. at: row, i, k and deep."""
+        row, i = at[0], at[1]
+        count, mark, carried, d, last, turn = int(before), int(0), way[2], way[1], t.vec3(), int(0)
+        while turn < turns:
+            C, margin, s0, n, slip = meet(c, points, wp.vec3i(row, i, at[2]), at[3], way[0] + carried, d)
+            if not wp.where(turn == 0, C < margin, meets_again(c, points, i, row, C, wp.dot(n, last))):
+                break
+            over = wp.max(-s0, real(0.0))
+            out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now
+            if over > real(SUNK_FROM) * c.skin:
+                mark = SUNK
+            if count < s.capacity:
+                b = C + over - out - wp.dot(n, d + carried)
+                keep(s, count * s.points + i, row, n, b, slip / c.h, push)
+            carried += out * n
+            count += 1
+            turn += 1
+            if not slides_on(c, points, wp.vec3i(row, i, at[2]), C, margin, over):
+                break
+            d = d - (C + over) * n
+            last = n
+        return count, mark, carried
 
     @wp.func
     def finding(c: Rows, points: Points, s: Slots, at: wp.vec3i, x0: t.vec3, d0: t.vec3, push: vectors):
@@ -209,17 +257,9 @@ def finding(kinds: tuple[str, ...], real, broad: bool = False, listed: bool = Fa
                         row = wp.where(rows[0] < NONE, rows[wp.min(j, ROOM - 1)], row)
                     if not reachable(c.ball[k, row], x0, bound):
                         continue
-                    C, margin, s0, n, way = meet(c, points, wp.vec3i(row, i, k), at[2], x0 + carried, d0)
-                    if C < margin:
-                        over = wp.max(-s0, real(0.0))
-                        out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now
-                        if over > real(SUNK_FROM) * c.skin:
-                            mark = mark | SUNK
-                        if count < s.capacity:
-                            b = C + over - out - wp.dot(n, d0 + carried)
-                            keep(s, count * s.points + i, row, n, b, way / c.h, push)
-                        carried += out * n
-                        count += 1
+                    now = wp.vec4i(row, i, k, at[2])
+                    count, sunk, carried = meet_row(c, points, s, now, count, wp.matrix_from_rows(x0, d0, carried), push)
+                    mark = mark | sunk
                 first = behind
         if count > s.capacity:
             wp.atomic_max(s.wanted, 0, count)

@@ -9,6 +9,8 @@ gradients gC, gn, gp, g by C, n, p and tau:
         by q    g (n / f + (phi - r) / f^2 H dq)                               by dq    g (phi - r) / f^2 n  by tau  g
         by r    -g / f
 
+A further face along the first has a plane that does not depend on the way to it, which is taken as it was.
+
 Meshes: Warp differentiates what kernels/contact/mesh.py computes of the face, edge or corner that was found.
 
 By the motion of a collider: kernels/contact/collider_gradients.py.
@@ -181,6 +183,17 @@ def met(kinds: tuple[str, ...], real):
 
 
 @wp.func
+def slid_way(s: Any, i: int, last: int, d: Any, carried: Any):
+    """The displacement by which slot `last` was found: d, along the planes of the same mesh before it."""
+    way = type(d)(d)
+    for slot in range(last):
+        j = slot * s.points + i
+        if s.row[j] == s.row[last * s.points + i]:
+            way = way - (wp.dot(s.n[j], way + carried) + s.b[j]) * s.n[j]
+    return way
+
+
+@wp.func
 def overlap(gb: Any, by_out: Any, how: Any, most: Any):
     """Gradient by s0, from those by b and by what is left of the overlap, at most `most`."""
     found = gb
@@ -207,8 +220,7 @@ def search_adjoint(kinds: tuple[str, ...], real, module, kept: bool = False):
         x = at.x[i]
         d = at.d[i]
         K = o.d_out[i] + o.a_out[i]
-        by_x = vec3()
-        by_d = vec3()
+        by_x, by_d = vec3(), vec3()
         count = s.count[i]
         if kept:
             for slot in range(s.capacity):
@@ -218,10 +230,11 @@ def search_adjoint(kinds: tuple[str, ...], real, module, kept: bool = False):
             carried = carry(c, points, s, i, last, k, x, d)
             j = last * s.points + i
             row = s.row[j]
-            ends, how, its = meet(c, points, i, row, k, x + carried, d)
+            slid = slid_way(s, i, last, d, carried)
+            ends, how, its = meet(c, points, i, row, k, x + carried, slid)
             n = its[0]
             gb = o.b[j]
-            N = o.n[j] + how[3] * K - gb * (d + carried)
+            N = o.n[j] + how[3] * K - gb * (slid + carried)
             W = o.u[j] / c.h
             by = t.vec2(gb, overlap(gb, wp.dot(K, n) - gb, how, c.recovery * c.h))
             G = seen(c, row, k, N, W)
@@ -241,7 +254,7 @@ def search_adjoint(kinds: tuple[str, ...], real, module, kept: bool = False):
             g1 = wp.quat_rotate(wp.transform_get_rotation(c.of.pose[k + 1, row]), g[1])
             place = (row - c.first[points.object[i]]) * s.points + i
             o.gap[place] = o.gap[place] + g[2][0]
-            o.motion[place] = o.motion[place] + moved(c, row, k, x + carried, d, wp.matrix_from_rows(g0, g1, N, W), its)
+            o.motion[place] = o.motion[place] + moved(c, row, k, x + carried, slid, wp.matrix_from_rows(g0, g1, N, W), its)
             by_x += g0 + g1
             by_d += g1 - gb * n
             K += g0 + g1 - gb * n

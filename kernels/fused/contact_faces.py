@@ -18,7 +18,7 @@ from wsim.kernels.collider.colliders import frames
 from wsim.kernels.contact import candidates, collide
 from wsim.kernels.contact.mesh import INSIDE, SOLID, crossing, entered_face, normal, part, reading, settled, toward
 from wsim.kernels.contact.project import SUNK, slots, tables
-from wsim.kernels.contact.search import SUNK_FROM, reachable
+from wsim.kernels.contact.search import FURTHER, SUNK_FROM, meets_again, reachable, slides_on
 from wsim.kernels.fused.lanes import lists, meet_warp, sharing
 from wsim.kernels.fused.own import owned
 from wsim.kernels.math.real import types
@@ -147,11 +147,9 @@ def finding(kinds: tuple[str, ...], real, lanes: int):
         i = wp.max(own.point, 0)
         x0 = own.x + before
         d0 = of_lane(own.d, 0) - (x0 - own.x)
-        count, mark, carried = int(0), int(0), t.vec3()
-        deep = s.mark[i] & SUNK
-        if k == 0:
-            deep = deep | c.deep[0]
-        first, end, bound = int(0), int(0), real(0.0)
+        count, mark, carried, first, end, bound = int(0), int(0), t.vec3(), int(0), int(0), real(0.0)
+        d, last, turn = t.vec3(d0), t.vec3(), int(0)         # along faces that the point has met, see kernels/contact/search.py
+        deep = (s.mark[i] & SUNK) | wp.where(k == 0, c.deep[0], 0)
         if own.point >= 0:
             if own.lane == 0:
                 candidates.ends(points, i, k)
@@ -165,9 +163,9 @@ def finding(kinds: tuple[str, ...], real, lanes: int):
                 if reachable(c.ball[k, first], x0, bound):
                     on = 1
             C, margin, s0, n, way = meet(c, points, wp.vec4i(wp.where(on != 0, first, 0), i, k, own.lane), deep, on,
-                                         x0 + carried, d0)
-            if on != 0 and C < margin:
-                over = wp.max(-s0, real(0.0))
+                                         x0 + carried, d)
+            over, more = wp.max(-s0, real(0.0)), bool(False)
+            if on != 0 and wp.where(turn == 0, C < margin, meets_again(c, points, i, first, C, wp.dot(n, last))):
                 out = wp.min(over, c.recovery * c.h)         # of the overlap; the rest may stay for now
                 if over > real(SUNK_FROM) * c.skin:
                     mark = mark | SUNK
@@ -175,12 +173,14 @@ def finding(kinds: tuple[str, ...], real, lanes: int):
                     j = count * s.points + i
                     s.row[j] = first
                     s.n[j] = n
-                    s.b[j] = C + over - out - wp.dot(n, d0 + carried)
+                    s.b[j] = C + over - out - wp.dot(n, d + carried)
                     s.u[j] = way / c.h
                     push[j] = t.vec3()
                 carried += out * n
                 count += 1
-            first += 1
+                more = turn < FURTHER and slides_on(c, points, wp.vec3i(first, i, k), C, margin, over)
+            d, last, turn = wp.where(more, d - (C + over) * n, d0), n, wp.where(more, turn + 1, 0)
+            first = wp.where(more, first, first + 1)
         if own.point >= 0 and own.lane == 0:
             if count > s.capacity:
                 wp.atomic_max(s.wanted, 0, count)
