@@ -247,7 +247,7 @@ def ports(files: dict[Path, str]) -> Iterator[str]:
                     ast.unparse(node.slice) if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Attribute)
                     and node.value.attr == "methods" else "row.name")
             if said != "row.name":
-                yield f"{path}:{node.lineno}: the method {said}: ask for what it offers (Methods.find)"     # type: ignore[attr-defined]
+                yield f"{path}:{node.lineno}: the method {said}: ask for its port (plan.ports)"     # type: ignore[attr-defined]
 
 
 def adjoints(files: dict[Path, str]) -> Iterator[str]:
