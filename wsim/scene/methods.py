@@ -64,6 +64,7 @@ METHODS: list[Row] = [
         claims=("WsimFluidDomainAPI", "WsimFluidSourceAPI"), without="there is no fluid", gradients=True),
     Row("liquid", "wsim.physics.fluid.liquid", owns=("Liquid", "LiquidSource"), unseen=("LiquidSource",),
         claims=("WsimLiquidDomainAPI", "WsimLiquidSourceAPI"), without="there is no liquid"),
+    Row("mpm", "wsim.physics.mpm", owns=("MaterialPoints",), without="there are no material points"),
     Row("rods", "wsim.physics.rods", owns=("Rods",), without="there is no rod"),
     Row("follow", "wsim.physics.rods.follow", owns=("Followers",), posed=True, claims=("WsimRodsAPI",),
         without="no hair follows guides"),

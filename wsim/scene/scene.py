@@ -67,7 +67,8 @@ class Scene(Compared):
     ties            list of `Tie`; `scene.tie(...)`
     loads           list of `Load`; `scene.force(...)`, `scene.traction(...)`
     varying         list of `Varying`; the fields above have their values at the start
-    others          objects of other methods, {class name: list}; `scene.body(...)`, `joint`, `rods`, `smoke`, `liquid`, `add`
+    others          objects of other methods, {class name: list}; `scene.body(...)`, `joint`, `rods`, `smoke`, `liquid`, `mpm`,
+                    `add`
     source          file that it was loaded from
     notes           list of `Problem`: what the loader warned about
     variants        chosen USD variants, {prim path: {variant set: variant}}
@@ -193,6 +194,12 @@ class Scene(Compared):
         """Adds a box for liquid (`wsim.Liquid`) from corner `low` to `high` (3,) [m], of cubes of edge `cell` [m]; it is empty:
         `liquid_source` fills it."""
         return self.add(role("Liquid", "objects").Liquid(path, low, high, cell, **more))
+
+    def mpm(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
+        """Adds a body of particles (`MaterialPoints`) that fill a closed shape at a place `at` (3,) [m] or with motion=..., or
+        that are given: points=..., volumes=.... material: "jelly", "snow", "sand", "water", or one of them with numbers."""
+        more["motion"] = _motion(path, at, more)
+        return self.add(role("MaterialPoints", "objects").MaterialPoints(path, shape, **more))
 
     def smoke_source(self, path: str, fluid, shape, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a shape that smoke, heat or air comes from (`wsim.Source`) to a box of air, or its path; at a place `at` (3,)

@@ -1,0 +1,243 @@
+"""Material laws of the material point method: energy, Kirchhoff stress and return mapping, by the strain B = F F^T - 1.
+
+    x_respond(B, q, m)   -> (B, q, tau, a): the strain and the inner variable after plastic flow, the Kirchhoff stress [Pa], and
+                            the stiffness of the fastest wave, density at rest times c^2 [Pa]
+    x_energy(B, q, m)    energy per volume at rest [J/m^3]
+
+B is symmetric, q is one number that a law remembers, m has eight numbers: mu, lambda [Pa], five of the law, the viscosity
+[Pa s]. s_i are the principal stretches, so that the eigenvalues of B are s_i^2 - 1; e_i = log s_i, J = s_1 s_2 s_3, and
+tau_i = s_i dPsi/ds_i. Each formula is written so that small strains keep their digits.
+
+    neo_hookean   Psi = mu/2 (tr B - 2 log J) + lambda/2 (log J)^2; Bonet, Wood 2008, eq. 6.27
+    corotational  Psi = mu sum (s_i - 1)^2 + lambda/2 (J - 1)^2; Stomakhin et al. 2012, fixed corotated
+    snow          that one, with s_i held in [1 - m2, 1 + m3], and mu, lambda times exp(m4 (1 - Jp)), Jp = 1 + q the plastic
+                  change of volume; Stomakhin et al. 2013
+    sand          Psi = mu sum e_i^2 + lambda/2 (sum e_i)^2; |dev tau| <= m2 p + m3, p = -tr tau / 3; Klar et al. 2016. q is
+                  the opening that loose grains must lose before they are pressed again, after Tampubolon et al. 2017
+    water         p = lambda / m2 (J^-m2 - 1), and at least 0 where m3 is 0; q = J - 1; Tait's form, Monaghan 1994
+"""
+
+# ruff: noqa: UP018
+
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.math.eigen import eigen, identity
+
+HARDENING = wp.constant(4.0)       # snow: largest exponent; 55 times as stiff
+OPENED = wp.constant(1.0)          # sand: largest opening, beyond it what has flown apart does not count
+
+
+@wp.func
+def log_one_plus(x: Any):
+    """log(1 + x), right to some units of rounding for small x (Goldberg 1991, theorem 4)."""
+    one = type(x)(1.0)
+    u = one + x
+    found = x
+    if u != one:
+        found = wp.log(u) * x / (u - one)
+    return found
+
+
+@wp.func
+def exp_less_one(x: Any):
+    """exp(x) - 1, right to some units of rounding for small x (Higham 2002, section 1.14.1)."""
+    one = type(x)(1.0)
+    u = wp.exp(x)
+    found = x
+    if u < type(x)(1.0e-30):
+        found = -one
+    elif u != one:
+        found = (u - one) * x / wp.log(u)
+    return found
+
+
+@wp.func
+def volume_strain(d: Any):
+    """(1 + d_1) (1 + d_2) (1 + d_3) - 1."""
+    return d[0] + d[1] + d[2] + d[0] * d[1] + d[1] * d[2] + d[2] * d[0] + d[0] * d[1] * d[2]
+
+
+@wp.func
+def determinant_strain(B: Any):
+    """det(1 + B) - 1 of a symmetric B."""
+    minors = (B[0, 0] * B[1, 1] - B[0, 1] * B[0, 1] + B[1, 1] * B[2, 2] - B[1, 2] * B[1, 2]
+              + B[2, 2] * B[0, 0] - B[2, 0] * B[2, 0])
+    return wp.trace(B) + minors + wp.determinant(B)
+
+
+@wp.func
+def stretch_strain(d: Any):
+    """s_i - 1 of the eigenvalues d_i = s_i^2 - 1 of B."""
+    one = type(d[0])(1.0)
+    r = d
+    for i in range(3):
+        r[i] = d[i] / (one + wp.sqrt(wp.max(one + d[i], one - one)))
+    return r
+
+
+@wp.func
+def from_principal(V: Any, d: Any):
+    """V diag(d) V^T."""
+    return V * wp.diag(d) * wp.transpose(V)
+
+
+@wp.func
+def neo_hookean_respond(B: Any, q: Any, m: Any):
+    two = type(q)(2.0)
+    log_J = log_one_plus(determinant_strain(B)) / two
+    tau = m[0] * B + (m[1] * log_J) * identity(B)
+    a = m[0] * (two + wp.sqrt(wp.ddot(B, B))) + m[1] * (type(q)(1.0) + wp.abs(log_J))
+    return B, q, tau, a
+
+
+@wp.func
+def neo_hookean_energy(B: Any, q: Any, m: Any):
+    half = type(q)(0.5)
+    log_J = half * log_one_plus(determinant_strain(B))
+    return half * m[0] * (wp.trace(B) - log_J / half) + half * m[1] * log_J * log_J
+
+
+@wp.func
+def corotational_tau(r: Any, mu: Any, lam: Any):
+    """Principal Kirchhoff stresses [Pa] of s_i - 1."""
+    one = type(mu)(1.0)
+    change = volume_strain(r)
+    tau = r
+    for i in range(3):
+        tau[i] = (mu + mu) * r[i] * (one + r[i]) + lam * change * (one + change)
+    return tau
+
+
+@wp.func
+def corotational_wave(r: Any, mu: Any, lam: Any):
+    one = type(mu)(1.0)
+    s = one + wp.max(wp.max(r[0], r[1]), wp.max(r[2], one - one))
+    J = one + wp.max(volume_strain(r), one - one)
+    return (mu + mu) * s * s + lam * J * J
+
+
+@wp.func
+def corotational_respond(B: Any, q: Any, m: Any):
+    d, V = eigen(B)
+    r = stretch_strain(d)
+    return B, q, from_principal(V, corotational_tau(r, m[0], m[1])), corotational_wave(r, m[0], m[1])
+
+
+@wp.func
+def corotational_energy(B: Any, q: Any, m: Any):
+    d, V = eigen(B)
+    r = stretch_strain(d)
+    change = volume_strain(r)
+    return m[0] * wp.dot(r, r) + type(q)(0.5) * m[1] * change * change
+
+
+@wp.func
+def snow_hardening(q: Any, m: Any):
+    most = type(q)(HARDENING)
+    return wp.exp(wp.clamp(-m[4] * q, -most, most))
+
+
+@wp.func
+def snow_respond(B: Any, q: Any, m: Any):
+    one = type(q)(1.0)
+    d, V = eigen(B)
+    r = stretch_strain(d)
+    before = volume_strain(r)
+    held = r
+    for i in range(3):
+        held[i] = wp.clamp(r[i], -m[2], m[3])
+        d[i] = held[i] * (one + one + held[i])
+    after = volume_strain(held)
+    plastic = q + (one + q) * (before - after) / (one + after)
+    hard = snow_hardening(plastic, m)
+    tau = corotational_tau(held, hard * m[0], hard * m[1])
+    B_out = B
+    if before != after:
+        B_out = from_principal(V, d)
+    return B_out, plastic, from_principal(V, tau), corotational_wave(held, hard * m[0], hard * m[1])
+
+
+@wp.func
+def snow_energy(B: Any, q: Any, m: Any):
+    return snow_hardening(q, m) * corotational_energy(B, q, m)
+
+
+@wp.func
+def sand_respond(B: Any, q: Any, m: Any):
+    zero = type(q)(0.0)
+    one = type(q)(1.0)
+    third = one / type(q)(3.0)
+    d, V = eigen(B)
+    e = d
+    for i in range(3):
+        e[i] = type(q)(0.5) * log_one_plus(wp.max(d[i], type(q)(-0.9999)))
+    bulk = type(q)(3.0) * m[1] + m[0] + m[0]                   # tr tau / tr e
+    apex = zero                                                # tr e at which cohesion ends
+    if m[2] > zero:
+        apex = type(q)(3.0) * m[3] / (m[2] * bulk)
+    volume = e[0] + e[1] + e[2] + q
+    opened = zero
+    flows = q != zero
+    if volume >= apex:
+        opened = wp.min(volume - apex, type(q)(OPENED))
+        flows = True
+        for i in range(3):
+            e[i] = third * apex
+    else:
+        mean = third * (volume - q)
+        part = one
+        dev = e
+        for i in range(3):
+            dev[i] = e[i] - mean
+        size = wp.length(dev)
+        most = (m[3] - m[2] * third * bulk * volume) / (m[0] + m[0])
+        if size > most:
+            part = wp.max(most, zero) / size
+            flows = True
+        for i in range(3):
+            e[i] = third * volume + part * dev[i]
+    tau = e
+    for i in range(3):
+        tau[i] = (m[0] + m[0]) * e[i] + m[1] * (e[0] + e[1] + e[2])
+        d[i] = exp_less_one(e[i] + e[i])
+    B_out = B
+    if flows:
+        B_out = from_principal(V, d)
+    return B_out, opened, from_principal(V, tau), m[0] + m[0] + m[1] + wp.length(tau)
+
+
+@wp.func
+def sand_energy(B: Any, q: Any, m: Any):
+    d, V = eigen(B)
+    e = d
+    for i in range(3):
+        e[i] = type(q)(0.5) * log_one_plus(d[i])
+    volume = e[0] + e[1] + e[2]
+    return m[0] * wp.dot(e, e) + type(q)(0.5) * m[1] * volume * volume
+
+
+@wp.func
+def water_respond(B: Any, q: Any, m: Any):
+    """B is the change since the last response; the shape is forgotten."""
+    zero = type(q)(0.0)
+    one = type(q)(1.0)
+    root = wp.sqrt(wp.max(one + determinant_strain(B), zero))
+    change = (determinant_strain(B)) / (one + root)
+    J = wp.max(q + (one + q) * change, type(q)(-0.9))
+    p = m[1] / m[2] * exp_less_one(-m[2] * log_one_plus(J))
+    if m[3] == zero:
+        p = wp.max(p, zero)
+    return zero * B, J, (-(one + J) * p) * identity(B), m[1] * wp.exp((one - m[2]) * log_one_plus(J))
+
+
+@wp.func
+def water_energy(B: Any, q: Any, m: Any):
+    """Integral of -p dJ from 1."""
+    one = type(q)(1.0)
+    rise = m[2] - one
+    held = q
+    if m[3] == one - one:
+        held = wp.min(q, one - one)
+    return m[1] / m[2] * (exp_less_one(-rise * log_one_plus(held)) / rise + held)

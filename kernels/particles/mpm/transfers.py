@@ -1,0 +1,167 @@
+"""Transfers of MLS-MPM between particles and nodes (Hu et al. 2018, eq. 16-18; APIC: Jiang et al. 2015, eq. 8 and 11).
+
+    A = m C - h V0 (4 / dx^2) tau                                               of a particle: momentum's gradient, stress
+    m_i = sum_p w m,  (m v)_i = sum_p w (m v + A (x_i - x_p))                   gathered by node, from the 27 cells about it
+    v_i = (m v)_i / m_i + h g,  held by colliders (walls.py)
+    v = sum_i w v_i,  C = 4 / dx^2 sum_i w v_i (x_i - x_p)^T                    gathered by particle
+
+tau = J sigma is the Kirchhoff stress, tau V0 = P F^T V0. Each sum has one order, so that bits repeat.
+"""
+
+# ruff: noqa: UP018
+# int(0) makes a variable of what would be a constant.
+
+from functools import cache
+
+import warp as wp
+
+from wsim.kernels.collider.colliders import colliders
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.motion import motion_functions
+from wsim.kernels.particles.mpm.spline import spline_rows, spline_weight
+from wsim.kernels.particles.mpm.tables import CELLS, point_tables
+from wsim.kernels.particles.mpm.walls import wall_functions
+
+
+@cache
+def sorted_kernel(real, module):
+    """Kernel over rows of the order: what nodes read of a particle, behind each other. clock: h, time in the frame [s]."""
+    t, T = types(real), point_tables(real)
+
+    def sort_momentum(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid, clock: wp.array(dtype=real),
+                      out: T.SortedRows):
+        n = wp.tid()
+        if n >= g.used[1]:
+            return
+        p = g.order[n]
+        volume = points.volume[p]
+        m = materials.density[points.row[p]] * volume
+        o = points.o[p]
+        v = m * points.v[p]
+        C = (m * g.dx) * points.C[p]
+        stress = real(4.0) * clock[0] * volume / g.dx
+        T = stress * points.T[p]
+        S = stress * points.S[p]
+        out.m[n] = t.vec4(o[0], o[1], o[2], m)
+        out.x[n] = t.vec4(v[0], C[0, 0] - T[0], C[0, 1] - S[2], C[0, 2] - S[1])
+        out.y[n] = t.vec4(v[1], C[1, 0] - S[2], C[1, 1] - T[1], C[1, 2] - S[0])
+        out.z[n] = t.vec4(v[2], C[2, 0] - S[1], C[2, 1] - S[0], C[2, 2] - T[2])
+
+    return wp.kernel(sort_momentum, name=f"mpm_sort_momentum_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def node_function(real):
+    """Function (grid, sorted rows, block, cell) -> momentum [kg m/s] and mass [kg] of a node."""
+    t, T = types(real), point_tables(real)
+
+    @wp.func
+    def gather_node(g: T.BlockGrid, rows: T.SortedRows, b: int, c: int):
+        sum = t.vec4()
+        cells = int(27)
+        for n in range(cells):
+            x = n // 9 - 1
+            y = (n // 3) % 3 - 1
+            z = n % 3 - 1
+            i = c // 16 + x
+            j = (c // 4) % 4 + y
+            k = c % 4 + z
+            other = g.near[27 * b + (9 * ((i >> 2) + 1) + 3 * ((j >> 2) + 1) + (k >> 2) + 1)]
+            if other >= 0:
+                cell = other * CELLS + (16 * (i & 3) + 4 * (j & 3) + (k & 3))
+                first = g.first[cell]
+                for at in range(first, first + g.count[cell]):
+                    m = rows.m[at]
+                    r = t.vec4(real(1.0), real(-x) - m[0], real(-y) - m[1], real(-z) - m[2])
+                    w = spline_weight(r[1]) * spline_weight(r[2]) * spline_weight(r[3])
+                    sum += w * t.vec4(wp.dot(rows.x[at], r), wp.dot(rows.y[at], r), wp.dot(rows.z[at], r), m[3])
+        return sum
+
+    return gather_node
+
+
+@cache
+def node_kernel(kinds: tuple[str, ...], real, module):
+    """Kernel over nodes of all blocks: velocities at the end of the step, and 1 where a collider is near. clock as above."""
+    t, T, Colliders = types(real), point_tables(real), colliders(real)
+    gather, wall = node_function(real), wall_functions(kinds, real)
+    walls = bool(kinds)
+
+    def move_nodes(g: T.BlockGrid, rows: T.SortedRows, materials: T.MaterialRows, c: Colliders, clock: wp.array(dtype=real),
+                   node_out: wp.array(dtype=t.vec4)):
+        n = wp.tid()
+        b = n // CELLS
+        if b >= wp.min(g.used[0], g.key.shape[0]):
+            return
+        sum = gather(g, rows, b, n % CELLS)
+        v = t.vec3()
+        near = real(0.0)
+        if sum[3] > real(0.0):
+            world = int(g.key[b] >> wp.int64(3 * g.bits))
+            v = t.vec3(sum[0], sum[1], sum[2]) / sum[3] + clock[0] * materials.gravity[world]
+            if wp.static(walls):
+                v, near = wall.hold_node(c, wall.node_place(g, b, n % CELLS), v, clock[0] + clock[1], g.dx)
+        node_out[n] = t.vec4(v[0], v[1], v[2], near)
+
+    return wp.kernel(move_nodes, name=f"mpm_move_nodes_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+
+
+@cache
+def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], real, module):
+    """Kernel over rows of the order: velocity, its gradient, strain, stress and place of a particle after the step. word, pace:
+    see steps.py."""
+    t, T, Colliders = types(real), point_tables(real), colliders(real)
+    f, wall, walls = motion_functions(laws, real), wall_functions(kinds, real), bool(kinds)
+
+    @wp.func
+    def gather_velocity(g: T.BlockGrid, nodes: wp.array(dtype=t.vec4), b: int, i: int, j: int, k: int, o: t.vec3):
+        rows = spline_rows(o)
+        v = t.vec4()
+        C = t.mat33()
+        cells = int(27)
+        for n in range(cells):
+            x = n // 9
+            y = (n // 3) % 3
+            z = n % 3
+            ci = (i & 3) + x - 1
+            cj = (j & 3) + y - 1
+            ck = (k & 3) + z - 1
+            other = g.near[27 * b + (9 * ((ci >> 2) + 1) + 3 * ((cj >> 2) + 1) + (ck >> 2) + 1)]
+            if other >= 0:
+                u = nodes[other * CELLS + (16 * (ci & 3) + 4 * (cj & 3) + (ck & 3))]
+                w = rows[x, 0] * rows[y, 1] * rows[z, 2]
+                v += w * u
+                C += wp.outer(t.vec3(w * u[0], w * u[1], w * u[2]),
+                              t.vec3(real(x - 1) - o[0], real(y - 1) - o[1], real(z - 1) - o[2]))
+        return v, (real(4.0) / g.dx) * C
+
+    def move_particles(g: T.BlockGrid, nodes: wp.array(dtype=t.vec4), materials: T.MaterialRows, c: Colliders,
+                       clock: wp.array(dtype=real), points: T.PointRows, word: wp.array(dtype=int),
+                       pace: wp.array(dtype=real)):
+        n = wp.tid()
+        if n >= g.used[1]:
+            return
+        p = g.order[n]
+        i = points.i[p]
+        j = points.j[p]
+        k = points.k[p]
+        o = points.o[p]
+        u, C = gather_velocity(g, nodes, g.block[p], i, j, k, o)
+        v = t.vec3(u[0], u[1], u[2])
+        h = clock[0]
+        way = (h / g.dx) * v                                   # [cells]
+        if wp.static(walls):
+            if u[3] > real(0.0):
+                way, v = wall.stop_particle(c, t.vec3(real(i), real(j), real(k)) + o, way, v, clock[1], h, g.dx)
+        points.v[p] = v
+        points.C[p] = C
+        need = f.deform_particle(points, materials, p, h, C, v, g.dx)
+        f.shift_particle(points, p, i, j, k, o, way)
+        if need > pace[1]:
+            wp.atomic_max(pace, 1, need)
+        limit = (1 << (g.bits + 1)) - 8                        # cells that a key has room for, to either side
+        if wp.abs(i) > limit or wp.abs(j) > limit or wp.abs(k) > limit:
+            word[2] = p + 1
+
+    return wp.kernel(move_particles, name=f"mpm_move_particles_{'_'.join((*kinds, *laws))}_{t.name}", module=module,
+                     enable_backward=False)

@@ -1,0 +1,121 @@
+"""The sparse grid of all bodies on the device, its kernels, and a step:
+
+    particles by cell;  momentum behind each other;  nodes;  particles
+
+(kernels/particles/mpm/). A grid has room for so many blocks; a frame that needs more is repeated with more."""
+
+from math import ceil, log2
+from typing import Any
+
+import warp as wp
+
+from wsim.kernels.math.real import types
+from wsim.kernels.particles.mpm.blocks import block_kernels
+from wsim.kernels.particles.mpm.steps import energy_kernel, step_kernels
+from wsim.kernels.particles.mpm.tables import CELLS, point_tables
+from wsim.kernels.particles.mpm.transfers import node_kernel, particle_kernel, sorted_kernel
+from wsim.model.model import Model
+from wsim.model.structs import filled
+
+BLOCK = 128                # threads of a block on CUDA
+MEASURERS = 1 << 14        # threads that look for the fastest particle on CUDA
+MORE = 1.1                 # steps over what particles need as one begins
+
+
+def key_bits(worlds: int) -> int:
+    """Bits of a block's key for each axis: 63 less those of the world."""
+    return min(20, (63 - ceil(log2(max(worlds, 1)))) // 3)
+
+
+class SparseGrid:
+    """points, materials: structs of the particles. colliders: the scene's `ColliderTable`, or None."""
+
+    def __init__(self, model: Model, count: int, dx: float, laws: tuple[str, ...], colliders: Any, blocks: int):
+        self.model, self.count, self.dx, self.colliders = model, count, dx, colliders
+        self.cuda = model.device.is_cuda
+        self.module = module = model.module_of(BLOCK) if self.cuda else model.module
+        real, kinds = model.real, colliders.kinds if colliders else ()
+        self.real, self.tables = real, point_tables(real)
+        self.by_block, self.by_step = block_kernels(real, module), step_kernels(laws, real, module)
+        self.measure_energy = energy_kernel(laws, real, module)
+        self.sort_momentum = sorted_kernel(real, module)
+        self.move_nodes = node_kernel(kinds, real, module)
+        self.move_particles = particle_kernel(kinds, laws, real, module)
+        self.points: Any = None
+        self.materials: Any = None
+        self.clock, self.pace, self.more = (self.zeros(n) for n in (2, 2, 1))
+        self.going = self.zeros(1, int)
+        self.own = {name: self.zeros(count, int) for name in ("order", "block", "rank")}
+        self.rows = filled(self.tables.SortedRows, **{name: self.zeros(count, types(real).vec4) for name in "mxyz"})
+        self.used = self.zeros(2, int)
+        if colliders:
+            self.wall_rows = colliders.rows
+        else:
+            from wsim.kernels.collider.colliders import colliders as wall_table
+            self.wall_rows = wall_table(real)()
+        self.make_room(blocks)
+
+    def zeros(self, count: int, dtype: Any = None) -> Any:
+        """Zeros on the device."""
+        return wp.zeros(max(count, 1), dtype=self.real if dtype is None else dtype, device=self.model.device)
+
+    def make_room(self, blocks: int) -> None:
+        """Arrays for so many blocks."""
+        self.blocks = blocks
+        slots = 1 << ceil(log2(2 * blocks))
+        self.slot = self.zeros(slots, wp.int64)
+        self.cell_count = self.zeros(CELLS * blocks, int)
+        self.nodes = self.zeros(CELLS * blocks, types(self.real).vec4)
+        self.grid = filled(
+            self.tables.BlockGrid, slot=self.slot, number=self.zeros(slots, int), key=self.zeros(blocks, wp.int64),
+            near=self.zeros(27 * blocks, int), used=self.used, count=self.cell_count, first=self.zeros(CELLS * blocks, int),
+            bits=key_bits(self.model.worlds), dx=self.real(self.dx), **self.own)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of the grid and of what is sorted."""
+        arrays = [self.slot, self.nodes, self.cell_count, self.grid.number, self.grid.near, self.grid.first, self.grid.key]
+        return sum(a.capacity for a in arrays) + self.count * (12 + 16 * wp.types.type_size_in_bytes(self.real))
+
+    def launch(self, kernel: Any, count: int, inputs: list) -> None:
+        """Launches a kernel of this grid."""
+        how: dict[str, Any] = {"block_dim": BLOCK} if self.cuda else {}
+        wp.launch(kernel, count, inputs, device=self.model.device, **how)
+
+    # a frame
+
+    def run_frame(self, dt: float, word: Any) -> None:
+        """Launches all steps of a frame [s]."""
+        real = self.real
+        self.pace.zero_()
+        threads = min(self.count, MEASURERS if self.cuda else 1)
+        self.launch(self.by_step.measure_pace, threads,
+                    [self.points, self.materials, real(self.dx), real(dt), threads, self.pace])
+        self.launch(self.by_step.begin_steps, 1, [real(dt), self.more, self.pace, self.clock, self.going])
+        wp.capture_while(self.going, lambda: self.take_step(dt, word))
+
+    def take_step(self, dt: float, word: Any) -> None:
+        """Launches one step."""
+        self.sort_cells(word)
+        g, points, materials = self.grid, self.points, self.materials
+        self.launch(self.sort_momentum, self.count, [points, materials, g, self.clock, self.rows])
+        self.launch(self.move_nodes, CELLS * self.blocks,
+                    [g, self.rows, materials, self.wall_rows, self.clock, self.nodes])
+        self.launch(self.move_particles, self.count,
+                    [g, self.nodes, materials, self.wall_rows, self.clock, points, word, self.pace])
+        self.launch(self.by_step.next_step, 1,
+                    [self.real(dt), self.blocks, self.more, self.pace, self.clock, self.going, word])
+
+    def sort_cells(self, word: Any) -> None:
+        """Launches what finds blocks, and the particles of each cell."""
+        g, k, n = self.grid, self.by_block, self.count
+        self.slot.fill_(-1)
+        self.cell_count.zero_()
+        self.used.zero_()
+        self.launch(k.mark_blocks, n, [self.points, self.materials, g])
+        self.launch(k.count_points, n, [self.points, self.materials, g])
+        self.launch(k.near_blocks, 27 * self.blocks, [g])
+        self.launch(k.start_cells, self.blocks, [g, word])
+        self.launch(k.place_points, n, [self.points, g])
+        if self.cuda:                                          # on a CPU threads come in ascending order
+            self.launch(k.settle_cells, CELLS * self.blocks, [g])

@@ -1,0 +1,35 @@
+"""Indicators of the material point method: energies, momentum, steps, particles of a cell, penetration. On the host."""
+
+from typing import Any
+
+import numpy as np
+
+from wsim.scene import Surface
+from wsim.scene.solids import row
+
+
+def deepest_point(colliders: list, x: np.ndarray, time: float) -> float:
+    """Greatest depth of places x [m] within convex colliders [m], at a time of the scene [s]."""
+    deepest = 0.0
+    for collider in colliders:
+        if not isinstance(collider.shape, Surface):
+            M = collider.motion.at(time)
+            q = (x - M[:3, 3]) @ M[:3, :3]
+            deepest = max(deepest, -float(np.min(row(collider.shape).distance(collider.shape, q), initial=0.0)))
+    return deepest
+
+
+def measure_bodies(method: Any) -> dict[str, float]:
+    """Indicators of the first world."""
+    every = [method.read_particles(k) for k in range(len(method.things))]
+    x, v, m = (np.concatenate([each[name] for each in every]) for name in ("x", "v", "m"))
+    said = method.status.said("mpm: grid")
+    kinetic = 0.5 * float(m @ np.sum(v * v, axis=1))
+    height = float(m @ ((x - method.corner) @ method.gravity[0]))
+    elastic = float(method.elastic_energy()[:len(method.order)].sum())
+    found = {"mpm_energy": kinetic - height + elastic, "mpm_kinetic": kinetic, "mpm_elastic": elastic,
+             "mpm_momentum": float(np.linalg.norm(m @ v)), "mpm_speed": float(np.sqrt(np.max(np.sum(v * v, axis=1)))),
+             "mpm_steps": float(said[3]), "mpm_cell_particles": float(said[1])}
+    if method.grid.colliders:
+        found["mpm_penetration"] = deepest_point(method.grid.colliders.things, x, method.time)
+    return found

@@ -1,0 +1,197 @@
+"""The material point method on the device: a part "mpm", whose rows are particles in the order of cells at the start, and the
+steps of a frame (`wsim.physics.mpm.grid`). All bodies of all worlds share the grid; worlds do not see each other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wsim.kernels.particles.mpm.blocks import CROWD
+from wsim.kernels.particles.mpm.steps import MOST, WORDS
+from wsim.kernels.particles.mpm.tables import point_tables
+from wsim.model.stage import Clock, Method, Remedy, Stage
+from wsim.model.state import Field, Part
+from wsim.model.status import Status
+from wsim.model.structs import filled
+from wsim.physics.collider.table import ColliderTable
+from wsim.physics.mpm.grid import MORE, SparseGrid
+from wsim.physics.mpm.objects import MaterialPoints
+from wsim.physics.mpm.seeding import count_blocks, locality_order, nearest_nodes, place_particles
+from wsim.scene.samples import Particles, Sample
+
+if TYPE_CHECKING:
+    from wsim.simulation.methods import Build
+
+FIELDS = (
+    Field("o", "1", True, "offset from the nearest node in cells"),
+    Field("e", "1", True, "rounding remainder of o"),
+    Field("v", "m/s", True, "velocity"),
+    Field("b", "1", True, "xx, yy, zz of the left Cauchy-Green tensor less 1"),
+    Field("s", "1", True, "yz, zx, xy of it"),
+    Field("T", "Pa", True, "xx, yy, zz of the Kirchhoff stress"),
+    Field("S", "Pa", True, "yz, zx, xy of it"),
+    Field("C", "1/s", True, "rows: gradient of each component of v", "mat33"),
+    Field("q", "1", True, "inner variable of the law", "scalar"),
+    Field("a", "Pa", True, "stiffness of the fastest wave", "scalar"),
+    Field("i", "1", True, "nearest node along x", "int"),
+    Field("j", "1", True, "nearest node along y", "int"),
+    Field("k", "1", True, "nearest node along z", "int"),
+)
+WORD = "mpm: grid"
+SPARE = 1.5                # room for blocks over those at the start
+
+
+def build(b: Build) -> Method:
+    """The method of a scene."""
+    return MaterialPointMethod(b)
+
+
+def law_names(things: list[MaterialPoints]) -> tuple[str, ...]:
+    """Laws of a scene's materials, each once."""
+    return tuple(sorted({thing.material.law for thing in things}))
+
+
+def signature(b: Any) -> list:
+    """Part of a scene's bodies that decides kernels."""
+    return [law_names(b.scene.things("MaterialPoints"))]
+
+
+class MaterialPointMethod(Method):
+    """`part`: the particles. `grid`: what they meet on."""
+
+    def __init__(self, b: Build):
+        super().__init__("mpm")
+        self.model, self.status, self.things = b.model, b.status, b.scene.things("MaterialPoints")
+        self.cell = float(self.things[0].cell)
+        placed = [place_particles(thing) for thing in self.things]
+        x = np.concatenate([each.x for each in placed])
+        self.corner = self.cell * np.round(0.5 * (x.min(axis=0) + x.max(axis=0)) / self.cell)
+        self.node, offset = nearest_nodes(x, self.corner, self.cell)
+        self.order = locality_order(self.node)
+        self.volume = np.concatenate([each.volume for each in placed])
+        self.thing_of = np.repeat(np.arange(len(placed)), [len(each.x) for each in placed])
+        self.laws = law_names(self.things)
+        rates = {name: np.concatenate([getattr(each, name) for each in placed]) for name in "vC"}
+        self.part = self._allocate({"o": offset, **rates})
+        b.state.add(self.part)
+        colliders = ColliderTable(b.model, b.scene.colliders, self.corner) if b.scene.colliders else None
+        blocks = b.model.worlds * count_blocks(self.node)
+        self.grid = SparseGrid(b.model, self.part.count, self.cell, self.laws, colliders, int(SPARE * blocks) + 8)
+        self._fill_tables(b)
+        b.status.reserve(WORD, WORDS)
+        self.more, self.time = MORE, 0.0
+        self.stages.append(Stage("material points", "predict", self.run_stage, 12, self.part.bytes + self.grid.bytes, "frame",
+                                 f"{self.part.count} particles, {self.grid.blocks} blocks of cells, {', '.join(self.laws)}"))
+
+    def _allocate(self, start: dict[str, np.ndarray]) -> Part:
+        """The particles of all worlds, world behind world."""
+        worlds, n, order = self.model.worlds, len(self.order), self.order
+        part = Part.allocate("mpm", FIELDS, worlds * n, self.model.real, self.model.device)
+        self.place = np.empty(n, np.int64)                     # row of each particle of a world
+        self.place[order] = np.arange(n)
+        mu_lam = np.array([thing.material.numbers()[:2] for thing in self.things])
+        stiff = (2.0 * mu_lam[:, 0] + mu_lam[:, 1])[self.thing_of]
+        for name, values in (start | {"a": stiff}).items():
+            part.arrays[name].assign(np.concatenate([values[order]] * worlds).astype(self.model.dtype))
+        for axis, name in enumerate("ijk"):
+            part.arrays[name].assign(np.tile(self.node[order, axis], worlds).astype(np.int32))
+        for k, thing in enumerate(self.things):
+            own = self.place[self.thing_of == k]
+            part.rows |= {(thing.path, world): world * n + own for world in range(worlds)}
+        return part
+
+    def _fill_tables(self, b: Build) -> None:
+        model, tables = self.model, point_tables(self.model.real)
+        worlds, count = model.worlds, len(self.things)
+        self.gravity = np.tile(np.asarray(b.scene.gravity, np.float64), (worlds, 1))
+        rows = (np.arange(worlds)[:, None] * count + self.thing_of[self.order]).ravel()
+        t, materials = self.model.dtype, [thing.material for thing in self.things]
+        vec3 = self.part.arrays["v"].dtype
+        self.grid.points = filled(tables.PointRows, row=model.upload(rows.astype(np.int32), int),
+                                  volume=model.upload(np.tile(self.volume[self.order], worlds).astype(t), model.real),
+                                  **self.part.arrays)
+        numbers = np.array([m.numbers() for m in materials] * worlds, t)
+        self.grid.materials = filled(
+            tables.MaterialRows, numbers=model.upload(numbers, tables.vec8),
+            law=model.upload(np.array([self.laws.index(m.law) for m in materials] * worlds, np.int32), int),
+            world=model.upload(np.repeat(np.arange(worlds), count).astype(np.int32), int),
+            density=model.upload(np.array([m.density for m in materials] * worlds, t), model.real),
+            gravity=model.upload(self.gravity.astype(t), vec3))
+
+    # frames
+
+    def enter(self, clock: Clock) -> None:
+        self.more = MORE
+
+    def before_frame(self, time: float, clock: Clock) -> None:
+        self.time = time + clock.dt                            # where the frame ends [s]
+        if self.grid.colliders:
+            self.grid.colliders.pose(time, clock.dt)
+            self.evaluates["poses"] = list(self.grid.colliders.moved)
+        self.grid.more.fill_(self.more)
+
+    def run_stage(self, clock: Clock) -> None:
+        self.grid.run_frame(clock.dt, self.status.word(WORD))
+
+    def retry(self, status: Status) -> list[Remedy]:
+        blocks, crowd, gone, steps, excess = (int(n) for n in status.said(WORD))
+        if blocks > self.grid.blocks:
+            return [Remedy("grow", lambda: self._make_room(blocks))]
+        if crowd > int(CROWD):
+            return [self._give_up(0, f"{crowd} particles are in one cell of {self.cell:g} m, at most {int(CROWD)} may; give "
+                                     "smaller cells, a stiffer material, or room")]
+        if gone:
+            return [self._give_up(gone - 1, "a particle left the range of the grid; give a floor, or larger cells")]
+        if steps >= int(MOST):
+            return [self._give_up(0, f"the frame takes more than {int(MOST)} steps of the grid; give a softer material, larger "
+                                     "cells, or more frames a second")]
+        if excess:
+            self.more *= excess / 100.0
+            self.grid.more.fill_(self.more)
+            return [Remedy("again")]
+        return []
+
+    def _give_up(self, row: int, why: str) -> Remedy:
+        return Remedy("stop", part="mpm", row=row, why=why)
+
+    def _make_room(self, blocks: int) -> str:
+        self.grid.make_room(int(SPARE * blocks))
+        return f"particles spread over {blocks} blocks of cells, more than there was room for"
+
+    # what is told and set
+
+    def read_particles(self, k: int, world: int = 0) -> dict[str, np.ndarray]:
+        """Particles of body k of a world in the author's order: x (n, 3) [m], v (n, 3) [m/s], m (n,) [kg], float64."""
+        rows, arrays = self.part.rows[self.things[k].path, world], self.part.arrays
+        node = np.stack([arrays[name].numpy()[rows] for name in "ijk"], axis=1).astype(np.float64)
+        x = self.corner + self.cell * (node + arrays["o"].numpy()[rows].astype(np.float64))
+        mass = self.things[k].material.density * self.volume[self.thing_of == k]
+        return {"x": x, "v": arrays["v"].numpy()[rows].astype(np.float64), "m": mass}
+
+    def samples(self, world: int = 0) -> list[Sample]:
+        found: list[Sample] = []
+        for k, thing in enumerate(self.things):
+            now = self.read_particles(k, world)
+            width = (6.0 / np.pi * self.volume[self.thing_of == k]) ** (1.0 / 3.0)
+            found.append(Particles(thing.path, now["x"], width, np.arange(len(width)), now["v"]))
+        return found
+
+    def indicators(self, x: np.ndarray, v: np.ndarray) -> dict[str, float]:
+        """Indicators of the first world: energies [J], momentum [kg m/s], steps of the last frame, most particles of a cell,
+        penetration of colliders [m]."""
+        from wsim.physics.mpm.measure import measure_bodies
+        return measure_bodies(self)
+
+    def elastic_energy(self) -> np.ndarray:
+        """Elastic energy of each row [J]."""
+        out = self.grid.zeros(self.part.count)
+        self.grid.launch(self.grid.measure_energy, self.part.count, [self.grid.points, self.grid.materials, out])
+        return out.numpy().astype(np.float64)
+
+    def set(self, path: str, name: str, value: Any, world: int | None = None) -> bool:
+        if path == "/" and name == "gravity":
+            self.gravity[slice(None) if world is None else world] = value
+            self.grid.materials.gravity.assign(self.gravity.astype(self.model.dtype))
+            return True
+        return False

@@ -1,0 +1,168 @@
+"""Objects of the material point method, and their materials: plain data in SI units, NumPy only."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from wsim.scene.bodies import Compared
+from wsim.scene.curve import Motion
+
+ACROSS = 2                 # particles of a full cell along each axis
+CONES = ("shear", "triaxial")
+
+
+def lame_moduli(young: float, poisson: float) -> tuple[float, float]:
+    """mu and lambda [Pa]."""
+    return 0.5 * young / (1.0 + poisson), young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+
+
+@dataclass(frozen=True)
+class Jelly:
+    """An elastic solid, as in `Jelly(young=1e4, poisson=0.3)`. See `LAWS` in kernels/particles/mpm/laws.py for its energy.
+
+    young       Young's modulus [Pa]
+    poisson     Poisson's ratio [1]
+    density     at rest [kg/m^3]
+    model       "neo_hookean" or "corotational"
+    viscosity   of the shear rate [Pa s]
+    """
+
+    young: float = 1e5
+    poisson: float = 0.3
+    density: float = 1000.0
+    model: str = "neo_hookean"
+    viscosity: float = 0.0
+
+    @property
+    def law(self) -> str:
+        return self.model
+
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers of the law: mu, lambda [Pa], five of its own, the viscosity [Pa s]."""
+        return *lame_moduli(self.young, self.poisson), 0.0, 0.0, 0.0, 0.0, 0.0, self.viscosity
+
+
+@dataclass(frozen=True)
+class Snow:
+    """Snow that packs and breaks (Stomakhin et al. 2013), as in `Snow(hardening=10.0)`.
+
+    young         Young's modulus [Pa]
+    poisson       Poisson's ratio [1]
+    density       at rest [kg/m^3]
+    compression   stretches below 1 less this become plastic [1]
+    tension       stretches above 1 plus this become plastic [1]
+    hardening     stiffness grows by exp(hardening (1 - Jp)) [1]
+    viscosity     of the shear rate [Pa s]
+    """
+
+    young: float = 1.4e5
+    poisson: float = 0.2
+    density: float = 400.0
+    compression: float = 0.025
+    tension: float = 0.0075
+    hardening: float = 10.0
+    viscosity: float = 0.0
+    law = "snow"
+
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers of the law: mu, lambda [Pa], five of its own, the viscosity [Pa s]."""
+        own = self.compression, self.tension, self.hardening, 0.0, 0.0
+        return *lame_moduli(self.young, self.poisson), *own, self.viscosity
+
+
+@dataclass(frozen=True)
+class Granular:
+    """Sand, soil or grain that slides where shear outweighs pressure (Klar et al. 2016), as in `Granular(friction_angle=0.6)`.
+
+    young            Young's modulus [Pa]; stiffer than what piles up needs costs steps and nothing else
+    poisson          Poisson's ratio [1]
+    density          of the heap, pores included [kg/m^3]
+    friction_angle   steepest angle of a wide slope that stands [rad]
+    cohesion         shear stress that it bears without pressure [Pa]; 0: dry
+    cone             "shear": the angle is that of a slope, |dev tau| <= sqrt(2) tan(angle) p; "triaxial": that of
+                     Mohr and Coulomb in triaxial compression, as Klar has it: slopes stand steeper
+    viscosity        of the shear rate [Pa s]
+    """
+
+    young: float = 3.5e5
+    poisson: float = 0.3
+    density: float = 1600.0
+    friction_angle: float = float(np.radians(30.0))
+    cohesion: float = 0.0
+    cone: str = "shear"
+    viscosity: float = 0.0
+    law = "sand"
+
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers of the law: mu, lambda [Pa], five of its own, the viscosity [Pa s]."""
+        slope = np.sqrt(2.0) * np.tan(self.friction_angle)
+        if self.cone == "triaxial":
+            sine = np.sin(self.friction_angle)
+            slope = np.sqrt(2.0 / 3.0) * 6.0 * sine / (3.0 - sine)
+        own = float(slope), float(np.sqrt(2.0) * self.cohesion), 0.0, 0.0, 0.0
+        return *lame_moduli(self.young, self.poisson), *own, self.viscosity
+
+
+@dataclass(frozen=True)
+class Water:
+    """A liquid that is a little compressible (Tait's form, Monaghan 1994), as in `Water(bulk=2e4)`.
+
+    bulk        modulus of compression [Pa]; 100 density times the square of the greatest speed keeps it within 1 %
+    density     at rest [kg/m^3]
+    exponent    of the pressure's growth with density [1]
+    tension     True: it bears tension, as closed water does; False: it comes apart
+    viscosity   of the shear rate [Pa s]
+    """
+
+    bulk: float = 1e5
+    density: float = 1000.0
+    exponent: float = 7.0
+    tension: bool = False
+    viscosity: float = 0.0
+    law = "water"
+
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers of the law: mu, lambda [Pa], five of its own, the viscosity [Pa s]."""
+        return 0.0, self.bulk, self.exponent, float(self.tension), 0.0, 0.0, 0.0, self.viscosity
+
+
+MATERIALS: dict[str, Callable] = {"jelly": Jelly, "snow": Snow, "sand": Granular, "water": Water}
+
+
+@dataclass(eq=False)
+class MaterialPoints(Compared):
+    """A body of particles that breaks, pours and piles up, as in `scene.mpm("/jelly", Box((0.1, 0.1, 0.1)), at=(0, 1, 0),
+    cell=0.025)`. It has a shape, which particles fill, or points. All bodies of a scene meet on one grid of one cell size,
+    without bounds. Particles stay outside of the scene's colliders.
+
+    path       prim path
+    shape      closed: Sphere, Box, Capsule, Cylinder, Cone or a closed Surface; None: it has points
+    material   `Jelly`, `Snow`, `Granular` or `Water` of `wsim.physics.mpm.objects`, or "jelly", "snow", "sand", "water"
+    cell       edge of a cell of the grid [m]; a shape gets 8 particles a cell
+    motion     own frame to world as the scene starts, rigid, lengths [m]
+    points     places of the particles, world (n, 3) [m]
+    volumes    of each of the points, (n,) or one number [m^3]
+    velocity   at the start, world (3,) [m/s], or of each of the points (n, 3)
+    spin       at the start, about the centre of mass, world (3,) [rad/s]
+    """
+
+    path: str
+    shape: Any = None
+    material: Any = "jelly"
+    cell: float = 0.05
+    motion: Motion = field(default_factory=Motion.still)
+    points: np.ndarray | None = None
+    volumes: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    spin: np.ndarray | None = None
+
+    def __post_init__(self):
+        if isinstance(self.material, str) and self.material in MATERIALS:
+            self.material = MATERIALS[self.material]()
+        if self.points is not None:
+            self.points = np.array(self.points, np.float64).reshape(-1, 3)
+        if self.volumes is not None:
+            self.volumes = np.array(self.volumes, np.float64)
+        self.velocity, self.spin = (np.zeros(3) if v is None else np.array(v, np.float64) for v in (self.velocity, self.spin))

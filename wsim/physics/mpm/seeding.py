@@ -1,0 +1,86 @@
+"""Places, volumes and velocities of particles as a scene starts: a lattice of 2 x 2 x 2 of each cell within a shape, or points
+that are given. Then the order in which the device has them: cell by cell, block by block. NumPy only."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wsim.geometry.triangulate import triangulate
+from wsim.physics.mpm.objects import ACROSS, MaterialPoints
+from wsim.scene import Surface
+from wsim.scene.solids import row
+
+SIDE = 4                   # cells along an edge of a block, as kernels/particles/mpm/tables.py
+SKIN = 1e-6                # cells: what is nearer to a surface is not within
+
+
+@dataclass
+class PlacedPoints:
+    """x [m] world (n, 3), volume [m^3] (n,), v [m/s] (n, 3), gradient of v [1/s] (n, 3, 3), all float64."""
+
+    x: np.ndarray
+    volume: np.ndarray
+    v: np.ndarray
+    C: np.ndarray
+
+
+def shape_bounds(thing: MaterialPoints) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corner of a box about a thing's shape, or its points, world [m]."""
+    M = thing.motion.at(0.0)
+    if thing.points is not None:
+        return thing.points.min(axis=0), thing.points.max(axis=0)
+    if isinstance(thing.shape, Surface):
+        points = thing.shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3]
+        return points.min(axis=0), points.max(axis=0)
+    reach = float(row(thing.shape).ball(thing.shape))
+    return M[:3, 3] - reach, M[:3, 3] + reach
+
+
+def fill_shape(thing: MaterialPoints) -> np.ndarray:
+    """Places of the lattice within a thing's shape, world (n, 3) [m]."""
+    low, high = shape_bounds(thing)
+    edge = thing.cell / ACROSS
+    begin, end = np.floor(low / edge).astype(int) - 1, np.ceil(high / edge).astype(int) + 1
+    M, shape = thing.motion.at(0.0), thing.shape
+    index = np.stack(np.meshgrid(*(np.arange(a, b) for a, b in zip(begin, end, strict=True)), indexing="ij"), -1).reshape(-1, 3)
+    x = (index + 0.5) * edge
+    if not isinstance(shape, Surface):
+        return x[row(shape).distance(shape, (x - M[:3, 3]) @ M[:3, :3]) < -SKIN * thing.cell]
+    from wsim.geometry.tetra.inside import Rays
+    triangles = triangulate(shape.points, shape.counts, shape.indices)[0]
+    points = (shape.points.astype(np.float64) @ M[:3, :3].T + M[:3, 3]) / edge - 0.5
+    return x[Rays(points, triangles, begin, end - 1).inside(index)]
+
+
+def place_particles(thing: MaterialPoints) -> PlacedPoints:
+    """Particles of a thing as the scene starts."""
+    if thing.points is not None:
+        x = thing.points
+        volume = np.broadcast_to(np.asarray(thing.volumes, np.float64), len(x)).copy()
+    else:
+        x = fill_shape(thing)
+        volume = np.full(len(x), (thing.cell / ACROSS) ** 3)
+    W = np.stack([np.cross(np.asarray(thing.spin, np.float64), e) for e in np.eye(3)], axis=1)        # W r = spin x r
+    center = np.average(x, axis=0, weights=volume) if len(x) else np.zeros(3)
+    v = np.asarray(thing.velocity, np.float64) + (x - center) @ W.T
+    return PlacedPoints(x, volume, v, np.broadcast_to(W, (len(x), 3, 3)).copy())
+
+
+def nearest_nodes(x: np.ndarray, corner: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nearest nodes (n, 3) int and offsets from them [cells] (n, 3) of places [m]; the corner is node 0."""
+    at = (x - corner) / cell
+    node = np.floor(at + 0.5)
+    return node.astype(np.int64), at - node
+
+
+def locality_order(node: np.ndarray) -> np.ndarray:
+    """Order of particles by block, then by cell, then as they come."""
+    block = node // SIDE
+    return np.lexsort((node[:, 2], node[:, 1], node[:, 0], block[:, 2], block[:, 1], block[:, 0]))
+
+
+def count_blocks(node: np.ndarray) -> int:
+    """Blocks that 27 nodes about each particle lie in."""
+    cells = np.unique(node, axis=0)
+    corners = [np.array([x, y, z]) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+    return len(np.unique(np.concatenate([(cells + c) // SIDE for c in corners]), axis=0))
