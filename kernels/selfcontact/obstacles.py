@@ -7,6 +7,10 @@ rounded once, so that the end of a substep is the start of the next one. It goes
 
 with a the anchor that makes (d - a) / g the velocity d / h of the collider, g the integrator's effective step.
 
+Motion, friction and thickness are those of the collider's row in the table (`wsim.physics.contact.contacts`). Its pose is not:
+the table has it in the precision of the run, a translation and a quaternion each rounded, and a place made of these is several
+roundings of the collider's size off. The proof is of where the collider is, and its margin is three roundings of a place.
+
 Cuts about colliders: motions of free points are shortened towards one rigid motion (kernels/selfcontact/cut.py). A collider is
 never cut, so that where one takes part it is the motion of its points that all are cut towards: the least squares fit of what
 those of pairs without a proof do, exact for a rigid collider, 0 for one at rest.

@@ -159,16 +159,20 @@ class Table:
                       frame=wp.zeros((substeps, max(1, len(self.pins))), dtype=wp.mat44d, device=device))
 
     def frames(self, times: np.ndarray) -> np.ndarray:
-        """Frames of pins at some times [s], (times, pins, 4, 4)."""
+        """Frames of pins at some times [s], (times, pins, 4, 4). A motion that worlds share is evaluated once."""
         found = np.tile(np.eye(4), (len(times), max(1, len(self.pins)), 1, 1))
+        each: dict[int, list[int]] = {}
         for k, motion in enumerate(self.motions):
-            found[:, k] = motion.sampled(times) if motion.moves else motion.at(0.0)
+            each.setdefault(id(motion), []).append(k)
+        for pins in each.values():
+            motion = self.motions[pins[0]]
+            found[:, pins] = (motion.sampled(times) if motion.moves else motion.at(0.0)[None])[:, None]
         return found
 
     @property
     def moving_pins(self) -> list[str]:
-        """Paths of pins that move."""
-        return [pin.path for pin, motion in zip(self.pins, self.motions, strict=True) if motion.moves]
+        """Paths of pins that move, in whichever world."""
+        return list(dict.fromkeys(pin.path for pin, motion in zip(self.pins, self.motions, strict=True) if motion.moves))
 
     def move_pin(self, path: str, motion: Motion, world: int | None) -> bool:
         """Gives a pin another motion in one world or in all; False where there is no such pin."""
