@@ -75,6 +75,13 @@ __all__ = [  # noqa: F822  (names of __getattr__)
 ]
 
 
+def _repr_html_(self) -> str:
+    """How a notebook shows a Scene or a Simulation."""
+    from wsim.show.notebook import describe_html
+
+    return describe_html(self)
+
+
 def __getattr__(name: str):
     home = _HOME.get(name)
     if home is None:
@@ -84,6 +91,11 @@ def __getattr__(name: str):
     module = import_module(home)
     value = module if name in ("shapes", "sweep") else getattr(module, name)
     globals()[name] = value
+    if name in ("Scene", "load", "Simulation"):
+        from wsim.scene import Scene
+
+        for each in (Scene, value) if name == "Simulation" else (Scene,):
+            type.__setattr__(each, "_repr_html_", _repr_html_)
     return value
 
 

@@ -33,6 +33,8 @@ from wsim.scene import Problem, SceneError
 
 RECORD = "wsim.json"     # {file: digest} of a module's folder, and of what rewrote its source
 COMPILER = "compiler"
+if wp.config.log_level == wp.LOG_INFO:       # Warp's default: its banner and a line for each module it loads
+    wp.config.log_level = wp.LOG_WARNING
 FRESH = 60.0             # [s] for which a folder without a record may be the work of a process that is about to leave one
 SEEN: set[tuple] = set()         # (cache, module) that this process has looked at
 STARTED: list[bool] = []         # not empty: Warp has been started

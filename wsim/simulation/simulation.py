@@ -27,6 +27,7 @@ from wsim.simulation.measure import indicators as measure
 from wsim.simulation.measure.captures import Graphs, capture_forms, capture_frame
 from wsim.simulation.measure.exceeded import Note, note
 from wsim.simulation.measure.host import Host
+from wsim.simulation.measure.log_messages import LogMessages
 from wsim.simulation.predicted.measured import follow
 
 PRECISIONS = {"float32": wp.float32, "float64": wp.float64}
@@ -69,6 +70,7 @@ class Simulation:
             fit(scene, worlds, lambda: Simulation(scene, device=self.device, precision=precision))
         self._build()
         self.seconds["build"] = time.perf_counter() - began
+        self.watchers.append(LogMessages(self).log_frame)
 
     def _build(self) -> None:
         self.frame = 0
@@ -96,8 +98,6 @@ class Simulation:
         self.warnings += [w for w in (*map(str, start), *duration.long(self.plan, self.fps)) if w not in self.warnings]
         self.milliseconds: list[float] = []
         retry.settle(self)
-
-    # frames
 
     @property
     def time(self) -> float:
