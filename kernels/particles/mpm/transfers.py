@@ -5,13 +5,15 @@
     v_i = (m v)_i / m_i + h g,  held by colliders (walls.py)
     v = sum_i w v_i,  C = 4 / dx^2 sum_i w v_i (x_i - x_p)^T                    gathered by particle
 
-tau = J sigma is the Kirchhoff stress, tau V0 = P F^T V0. Each sum has one order, so that bits repeat.
+tau = J sigma is the Kirchhoff stress, tau V0 = P F^T V0. Each sum has one order, so that bits repeat. On a CPU, whose threads
+come one after the other, a particle adds to its nodes (vectors.py).
 """
 
 # ruff: noqa: UP018
 # int(0) makes a variable of what would be a constant.
 
 from functools import cache
+from types import SimpleNamespace
 
 import warp as wp
 
@@ -20,13 +22,29 @@ from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.motion import motion_functions
 from wsim.kernels.particles.mpm.spline import spline_rows, spline_weight
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
+from wsim.kernels.particles.mpm.vectors import vector_transfers
 from wsim.kernels.particles.mpm.walls import wall_functions
 
 
 @cache
-def sorted_kernel(real, module):
-    """Kernel over rows of the order: what nodes read of a particle, behind each other. clock: h, time in the frame [s]."""
-    t, T = types(real), point_tables(real)
+def sorted_kernels(real, module) -> SimpleNamespace:
+    """Kernels over rows of the order, clock: h, time in the frame [s]. sort_momentum: what nodes read of a particle, row behind
+    row; scatter_momentum, on a CPU: adds it to the nodes."""
+    t, T, vectors = types(real), point_tables(real), vector_transfers(real)
+
+    @wp.func
+    def read_momentum(points: T.PointRows, materials: T.MaterialRows, p: int, dx: real, h: real):
+        """Momentum and mass, and their gradients a cell."""
+        volume = points.volume[p]
+        m = materials.density[points.row[p]] * volume
+        v = m * points.v[p]
+        C = (m * dx) * points.C[p]
+        stress = real(4.0) * h * volume / dx
+        T = stress * points.T[p]
+        S = stress * points.S[p]
+        zero = real(0.0)
+        return t.mat44(v[0], C[0, 0] - T[0], C[0, 1] - S[2], C[0, 2] - S[1], v[1], C[1, 0] - S[2], C[1, 1] - T[1],
+                       C[1, 2] - S[0], v[2], C[2, 0] - S[1], C[2, 1] - S[0], C[2, 2] - T[2], m, zero, zero, zero)
 
     def sort_momentum(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid, clock: wp.array(dtype=real),
                       out: T.SortedRows):
@@ -34,20 +52,25 @@ def sorted_kernel(real, module):
         if n >= g.used[1]:
             return
         p = g.order[n]
-        volume = points.volume[p]
-        m = materials.density[points.row[p]] * volume
         o = points.o[p]
-        v = m * points.v[p]
-        C = (m * g.dx) * points.C[p]
-        stress = real(4.0) * clock[0] * volume / g.dx
-        T = stress * points.T[p]
-        S = stress * points.S[p]
-        out.m[n] = t.vec4(o[0], o[1], o[2], m)
-        out.x[n] = t.vec4(v[0], C[0, 0] - T[0], C[0, 1] - S[2], C[0, 2] - S[1])
-        out.y[n] = t.vec4(v[1], C[1, 0] - S[2], C[1, 1] - T[1], C[1, 2] - S[0])
-        out.z[n] = t.vec4(v[2], C[2, 0] - S[1], C[2, 1] - S[0], C[2, 2] - T[2])
+        found = read_momentum(points, materials, p, g.dx, clock[0])
+        out.m[n] = t.vec4(o[0], o[1], o[2], found[3, 0])
+        out.x[n] = found[0]
+        out.y[n] = found[1]
+        out.z[n] = found[2]
 
-    return wp.kernel(sort_momentum, name=f"mpm_sort_momentum_{t.name}", module=module, enable_backward=False)
+    def scatter_momentum(points: T.PointRows, materials: T.MaterialRows, g: T.BlockGrid, clock: wp.array(dtype=real),
+                         nodes: wp.array(dtype=t.vec4)):
+        n = wp.tid()
+        if n >= g.used[1]:
+            return
+        p = g.order[n]
+        vectors.scatter_row(g, g.block[p], points.i[p], points.j[p], points.k[p], points.o[p],
+                            read_momentum(points, materials, p, g.dx, clock[0]), nodes)
+
+    made = {k.__name__: wp.kernel(k, name=f"mpm_{k.__name__}_{t.name}", module=module, enable_backward=False)
+            for k in (sort_momentum, scatter_momentum)}
+    return SimpleNamespace(**made)
 
 
 @cache
@@ -81,8 +104,9 @@ def node_function(real):
 
 
 @cache
-def node_kernel(kinds: tuple[str, ...], real, module):
-    """Kernel over nodes of all blocks: velocities at the end of the step, and 1 where a collider is near. clock as above."""
+def node_kernel(kinds: tuple[str, ...], cpu: bool, real, module):
+    """Kernel over nodes of all blocks: velocities at the end of the step, and 1 where a collider is near. clock as above. cpu:
+    nodes hold what particles have added."""
     t, T, Colliders = types(real), point_tables(real), colliders(real)
     gather, wall = node_function(real), wall_functions(kinds, real)
     walls = bool(kinds)
@@ -93,7 +117,11 @@ def node_kernel(kinds: tuple[str, ...], real, module):
         b = n // CELLS
         if b >= wp.min(g.used[0], g.key.shape[0]):
             return
-        sum = gather(g, rows, b, n % CELLS)
+        sum = t.vec4()
+        if wp.static(cpu):                                     # noqa: SIM108 - one of them is compiled
+            sum = node_out[n]
+        else:
+            sum = gather(g, rows, b, n % CELLS)
         v = t.vec3()
         near = real(0.0)
         if sum[3] > real(0.0):
@@ -103,37 +131,54 @@ def node_kernel(kinds: tuple[str, ...], real, module):
                 v, near = wall.hold_node(c, wall.node_place(g, b, n % CELLS), v, clock[0] + clock[1], g.dx)
         node_out[n] = t.vec4(v[0], v[1], v[2], near)
 
-    return wp.kernel(move_nodes, name=f"mpm_move_nodes_{'_'.join(kinds)}_{t.name}", module=module, enable_backward=False)
+    return wp.kernel(move_nodes, name=f"mpm_move_nodes_{'_'.join(kinds)}_{'cpu_' * cpu}{t.name}", module=module,
+                     enable_backward=False)
 
 
 @cache
-def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], real, module):
+def gather_function(cpu: bool, real):
+    """Function (grid, block, i, j, k, o, nodes) -> velocity [m/s] and 0 where no collider is near, and gradients a cell."""
+    t, T, vectors = types(real), point_tables(real), vector_transfers(real)
+
+    @wp.func
+    def gather_velocity(g: T.BlockGrid, b: int, i: int, j: int, k: int, o: t.vec3, nodes: wp.array(dtype=t.vec4)):
+        rows = spline_rows(o)
+        v = t.vec4()
+        x = t.vec4()
+        y = t.vec4()
+        z = t.vec4()
+        sides = int(3)
+        for e in range(sides):
+            ci = (i & 3) + e - 1
+            for f in range(sides):
+                cj = (j & 3) + f - 1
+                near = 27 * b + 9 * ((ci >> 2) + 1) + 3 * ((cj >> 2) + 1) + 1
+                s = t.vec4()
+                w = t.vec4()
+                for n in range(3):
+                    ck = (k & 3) + n - 1
+                    other = g.near[near + (ck >> 2)]
+                    if other >= 0:
+                        u = rows[n, 2] * nodes[other * CELLS + (16 * (ci & 3) + 4 * (cj & 3) + (ck & 3))]
+                        s += u
+                        w += (real(n - 1) - o[2]) * u
+                part = rows[e, 0] * rows[f, 1]
+                s = part * s
+                v += s
+                x += (real(e - 1) - o[0]) * s
+                y += (real(f - 1) - o[1]) * s
+                z += part * w
+        return wp.matrix_from_cols(v, x, y, z)
+
+    return vectors.gather_row if cpu else gather_velocity
+
+
+@cache
+def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], cpu: bool, real, module):
     """Kernel over rows of the order: velocity, its gradient, strain, stress and place of a particle after the step. word, pace:
     see steps.py."""
     t, T, Colliders = types(real), point_tables(real), colliders(real)
-    f, wall, walls = motion_functions(laws, real), wall_functions(kinds, real), bool(kinds)
-
-    @wp.func
-    def gather_velocity(g: T.BlockGrid, nodes: wp.array(dtype=t.vec4), b: int, i: int, j: int, k: int, o: t.vec3):
-        rows = spline_rows(o)
-        v = t.vec4()
-        C = t.mat33()
-        cells = int(27)
-        for n in range(cells):
-            x = n // 9
-            y = (n // 3) % 3
-            z = n % 3
-            ci = (i & 3) + x - 1
-            cj = (j & 3) + y - 1
-            ck = (k & 3) + z - 1
-            other = g.near[27 * b + (9 * ((ci >> 2) + 1) + 3 * ((cj >> 2) + 1) + (ck >> 2) + 1)]
-            if other >= 0:
-                u = nodes[other * CELLS + (16 * (ci & 3) + 4 * (cj & 3) + (ck & 3))]
-                w = rows[x, 0] * rows[y, 1] * rows[z, 2]
-                v += w * u
-                C += wp.outer(t.vec3(w * u[0], w * u[1], w * u[2]),
-                              t.vec3(real(x - 1) - o[0], real(y - 1) - o[1], real(z - 1) - o[2]))
-        return v, (real(4.0) / g.dx) * C
+    f, wall, walls, gather = motion_functions(laws, real), wall_functions(kinds, real), bool(kinds), gather_function(cpu, real)
 
     def move_particles(g: T.BlockGrid, nodes: wp.array(dtype=t.vec4), materials: T.MaterialRows, c: Colliders,
                        clock: wp.array(dtype=real), points: T.PointRows, word: wp.array(dtype=int),
@@ -146,12 +191,14 @@ def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], real, module)
         j = points.j[p]
         k = points.k[p]
         o = points.o[p]
-        u, C = gather_velocity(g, nodes, g.block[p], i, j, k, o)
-        v = t.vec3(u[0], u[1], u[2])
+        u = gather(g, g.block[p], i, j, k, o, nodes)
+        v = t.vec3(u[0, 0], u[1, 0], u[2, 0])
+        s = real(4.0) / g.dx
+        C = s * t.mat33(u[0, 1], u[0, 2], u[0, 3], u[1, 1], u[1, 2], u[1, 3], u[2, 1], u[2, 2], u[2, 3])
         h = clock[0]
         way = (h / g.dx) * v                                   # [cells]
         if wp.static(walls):
-            if u[3] > real(0.0):
+            if u[3, 0] > real(0.0):
                 way, v = wall.stop_particle(c, t.vec3(real(i), real(j), real(k)) + o, way, v, clock[1], h, g.dx)
         points.v[p] = v
         points.C[p] = C
@@ -163,5 +210,5 @@ def particle_kernel(kinds: tuple[str, ...], laws: tuple[str, ...], real, module)
         if wp.abs(i) > limit or wp.abs(j) > limit or wp.abs(k) > limit:
             word[2] = p + 1
 
-    return wp.kernel(move_particles, name=f"mpm_move_particles_{'_'.join((*kinds, *laws))}_{t.name}", module=module,
-                     enable_backward=False)
+    return wp.kernel(move_particles, name=f"mpm_move_particles_{'_'.join((*kinds, *laws))}_{'cpu_' * cpu}{t.name}",
+                     module=module, enable_backward=False)

@@ -13,7 +13,7 @@ from wsim.kernels.math.real import types
 from wsim.kernels.particles.mpm.blocks import block_kernels
 from wsim.kernels.particles.mpm.steps import energy_kernel, step_kernels
 from wsim.kernels.particles.mpm.tables import CELLS, point_tables
-from wsim.kernels.particles.mpm.transfers import node_kernel, particle_kernel, sorted_kernel
+from wsim.kernels.particles.mpm.transfers import node_kernel, particle_kernel, sorted_kernels
 from wsim.model.model import Model
 from wsim.model.structs import filled
 
@@ -38,15 +38,17 @@ class SparseGrid:
         self.real, self.tables = real, point_tables(real)
         self.by_block, self.by_step = block_kernels(real, module), step_kernels(laws, real, module)
         self.measure_energy = energy_kernel(laws, real, module)
-        self.sort_momentum = sorted_kernel(real, module)
-        self.move_nodes = node_kernel(kinds, real, module)
-        self.move_particles = particle_kernel(kinds, laws, real, module)
+        momentum = sorted_kernels(real, module)
+        self.sort_momentum = momentum.sort_momentum if self.cuda else momentum.scatter_momentum
+        self.move_nodes = node_kernel(kinds, not self.cuda, real, module)
+        self.move_particles = particle_kernel(kinds, laws, not self.cuda, real, module)
         self.points: Any = None
         self.materials: Any = None
         self.clock, self.pace, self.more = (self.zeros(n) for n in (2, 2, 1))
         self.going = self.zeros(1, int)
         self.own = {name: self.zeros(count, int) for name in ("order", "block", "rank")}
-        self.rows = filled(self.tables.SortedRows, **{name: self.zeros(count, types(real).vec4) for name in "mxyz"})
+        kept = count if self.cuda else 0                       # on a CPU particles add to their nodes
+        self.rows = filled(self.tables.SortedRows, **{name: self.zeros(kept, types(real).vec4) for name in "mxyz"})
         self.used = self.zeros(2, int)
         if colliders:
             self.wall_rows = colliders.rows
@@ -98,7 +100,10 @@ class SparseGrid:
         """Launches one step."""
         self.sort_cells(word)
         g, points, materials = self.grid, self.points, self.materials
-        self.launch(self.sort_momentum, self.count, [points, materials, g, self.clock, self.rows])
+        if not self.cuda:
+            self.nodes.zero_()
+        self.launch(self.sort_momentum, self.count,
+                    [points, materials, g, self.clock, self.rows if self.cuda else self.nodes])
         self.launch(self.move_nodes, CELLS * self.blocks,
                     [g, self.rows, materials, self.wall_rows, self.clock, self.nodes])
         self.launch(self.move_particles, self.count,
