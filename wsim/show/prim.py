@@ -12,6 +12,7 @@ from wsim.geometry.triangulate import index_fault, triangulate
 from wsim.scene import Problem, SceneError
 from wsim.scene.methods import claimant
 from wsim.scene.solids import claimed
+from wsim.show.image.texture import corner_colors
 from wsim.show.shading import CREASE, Look, palette, smoothing
 from wsim.usd.stage import applied
 
@@ -217,6 +218,10 @@ def _colors(prim, time, triangles, corners, polygon) -> tuple[np.ndarray | None,
     """Linear colours (k, 3) and the colour of each corner (t, 3) or None for one colour; (None, None): not authored."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
     values = primvar.ComputeFlattened(time) if primvar and primvar.HasValue() else None
+    measured = primvar and primvar.ValueMightBeTimeVarying()                      # strain, say, which a run has written
+    textured = None if measured else corner_colors(prim, time, triangles, corners)
+    if textured is not None:
+        return textured.reshape(-1, 3), np.arange(textured.size // 3, dtype=np.int32).reshape(-1, 3)
     if values is None or len(values) == 0:
         color = _diffuse(prim)
         return (None, None) if color is None else (color[None], None)

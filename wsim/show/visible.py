@@ -1,8 +1,9 @@
 """What a stage shows: its visible prims as triangle meshes in world space [m], at any time code. Reads by pxr.
 
 Drawn are Mesh, TetMesh (its surface, unless meshes of its soft body are seen instead), the analytic shapes, BasisCurves
-(control polygons, as tubes) and Points (as beads), with their display colours, else the diffuse colour of a bound preview
-material, else a palette by what they are; volumes with an OpenVDB density are smoke. Skinned meshes move with their skeleton.
+(control polygons, as tubes) and Points (as beads), with the texture of a bound preview material (PNG, as finely as
+the mesh is cut), else their display colours, else the diffuse colour of that material, else a palette by what they
+are; volumes with an OpenVDB density are smoke. Skinned meshes move with their skeleton.
 Guides and proxies are drawn only where a stage shows nothing else, domains of fluids never. Point instancers are not drawn, and
 `Visible.notes` says so.
 """
