@@ -7,7 +7,7 @@ from pxr import Usd, UsdGeom, Vt
 import wsim
 from tests.make.usda import BIND, SHEET, cloth, fabric
 from wsim import cli
-from wsim.scene import shapes
+from wsim.scene import shapes, solids
 
 RANGE = 'metersPerUnit = 1\nupAxis = "Y"\nstartTimeCode = 0\nendTimeCode = 24\ntimeCodesPerSecond = 24\n'
 SOUND = fabric("float physics:density = 300\nfloat physics:staticFriction = 0.4\nfloat physics:dynamicFriction = 0.4",
@@ -150,6 +150,10 @@ PYTHON = {
     "a file that is not there": (lambda: wsim.Simulation("flagg.usda"), "flagg.usda: there is no such file", "give the path"),
     "nothing": (lambda: wsim.Simulation(None), "is a NoneType", "give a wsim.Scene, the path of a USD file or a Usd.Stage"),
     "an empty scene": (lambda: wsim.Simulation(wsim.Scene()), "nothing here can move", "wsim new cloth MESH"),
+    "a wind over time as a field": (lambda: wsim.Simulation(wsim.Scene(wind=wsim.Curve([0.0, 1.0], [(0, 0, 0), (1, 0, 0)]))),
+                                    "wind is Curve", 'simulation.set("/", "wind", curve)'),
+    "a shape of four lengths": (lambda: solids.row(wsim.Sphere(1.0)).size(wsim.Sphere((1.0, 2.0, 3.0, 4.0))), "has 4 lengths",
+                                "holds three"),
     "another precision": (lambda: wsim.Simulation(rag(), precision="double"), "found 'double'", "allowed are float32, float64"),
     "a device that is none": (lambda: wsim.Simulation(rag(), device="gpu"), "there is no device 'gpu'", "allowed are"),
     "a fabric out of range": (lambda: wsim.Fabric(stretch=-1.0), "stretch is -1", "allowed is a finite number > 0"),

@@ -153,7 +153,7 @@ class Scene(Compared):
 
     def body(self, path: str, shape=None, at=(0.0, 0.0, 0.0), **more) -> Any:
         """Adds a rigid body (`wsim.Body`) of one shape, at a place `at` (3,) [m] or with motion=...; several shapes are its
-        colliders=[...]. more: fields of `Body`, and of the collider: friction, restitution, thickness, approximation."""
+        colliders=[...]. more: fields of `Body`, and of the collider: static_friction, dynamic_friction, restitution ..."""
         surface = {name: more.pop(name) for name in COLLIDER_FIELDS if name in more} if shape is not None else {}
         if shape is not None:
             more["colliders"] = [Collider(f"{path}/shape", shape, **surface)]

@@ -1,9 +1,7 @@
-"""Colliders of a scene, and their shapes: a dataclass each, and of every convex one a row in a table that says all that the
-rest of wsim asks of it.
+"""Colliders of a scene, and their shapes: a dataclass each. A table has a row (`Solid`) for each convex shape: its signed
+distance on device and host, its bounding ball, its curvature, its USD types, how it takes a scale, and its triangles.
 
-A row names the shape's signed distance on the device (kernels/contact/shape.py has ours), its sizes there, its bounding ball,
-the signed distance on the host, what curvature it has, the USD types that it is read from and written as, how it takes a scale,
-and its triangles. Lengths in [m]; round shapes lie along their own z, the origin in the middle. NumPy only.
+Lengths in [m]; round shapes lie along their own z, the origin in the middle. NumPy only.
 """
 
 from collections.abc import Callable, Mapping
@@ -160,7 +158,7 @@ class Collider(Compared):
 
 @dataclass(frozen=True)
 class Solid:
-    """kind      its name, as kernels and messages have it          shape    its dataclass, the fields of which are lengths
+    """kind      its name, as kernels and messages have it          shape    its dataclass, of at most three lengths
     ball      (shape) -> radius of the ball about its origin that holds it [m]; inf: it has no end
     curvature (shape) -> least radius of what bends outward and is no edge [m]; inf where all is flat
     distance  (shape, q (n, 3)) -> signed distance (n,) [m], exact inside, a bound from below outside
@@ -202,8 +200,10 @@ class Solid:
 
     def size(self, shape: Any) -> tuple[float, float, float]:
         """Sizes as the device has them: `lengths`, filled up."""
-        found = [*self.lengths(shape), 0.0, 0.0, 0.0]
-        return found[0], found[1], found[2]
+        if len(found := self.lengths(shape)) > 3:
+            raise ValueError(f"shape {self.kind} has {len(found)} lengths; the device holds three: make the rest constants")
+        x, y, z = (*found, 0.0, 0.0, 0.0)[:3]
+        return x, y, z
 
 
 def row(shape: Any) -> Solid:

@@ -70,7 +70,11 @@ def _author(stage: Usd.Stage, scene: Scene, units: Units) -> None:
             author_pin(stage, thing, by_path[thing.body], units, scene.frames)
     for row, thing in every(scene):
         _parents(stage, thing.path)
-        row.role("usd").author(stage, thing, units)
+        usd = row.role("usd")
+        if usd is None:
+            raise SceneError(Problem(thing.path, f"a {type(thing).__name__} cannot be written into a stage: {row.folder} has "
+                                     "no usd.py; give it one with author(stage, thing, units)"))
+        usd.author(stage, thing, units)
     if scene.varying:
         author_varying(stage, scene, settings, units)
     settings.CreateRelationship(names.ORDER, False).SetTargets(

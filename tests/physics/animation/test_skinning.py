@@ -47,6 +47,21 @@ def test_a_character_is_where_usd_skins_it_at_frames_and_between(tmp_path, asset
     assert np.abs(ours[-1] - scene.colliders[0].motion.points(scene.colliders[0].shape.points)).max() > 1e-3
 
 
+@pytest.mark.parametrize("joint", [0, 2])
+def test_the_motion_of_a_joint_carries_what_is_bound_to_it_alone(joint):
+    """Points of weight 1 go with their joint: x(t) = M(t) M(0)^-1 x(0), at the keys to rounding, without scales."""
+    tree = bones(np.random.default_rng(4))
+    points, all_of = shapes.sphere(0.3, 8)[0], np.full((len(shapes.sphere(0.3, 8)[0]), 1), joint)
+    skinned, motion = Skinned(tree, points, all_of, np.ones_like(all_of, float)), tree.joint_motion(tree.joints[joint])
+    first = tree.motion.points(skinned.at(0.0), 0.0)
+    for t in tree.times:
+        M = motion.at(t) @ np.linalg.inv(motion.at(0.0))
+        want = tree.motion.points(skinned.at(t), t)
+        np.testing.assert_allclose(first @ M[:3, :3].T + M[:3, 3], want, rtol=0, atol=1e-6)
+    with pytest.raises(ValueError, match="there is no joint 'tail'"):
+        tree.joint_motion("tail")
+
+
 @pytest.mark.parametrize("scaled", [False, True])
 @pytest.mark.parametrize("method", [LINEAR, DUAL])
 def test_device_and_host_agree_with_blend_shapes_and_scales(method, scaled):

@@ -113,6 +113,22 @@ class Skeleton(Compared):
         motion: Any = self.motion.later(delay)
         return replace(self, times=self.times + delay, motion=motion, weights=weights)
 
+    def joint_motion(self, joint: str) -> Motion:
+        """Frame of an animated joint in the world, rigid [m], exact at the keys of the animation, as in
+        `rods.pin("/roots", points, motion=skeleton.joint_motion("hip/head"))`. Raises ValueError for a joint that is none of
+        `joints`, or that rigid bodies drive."""
+        if joint not in self.joints:
+            raise ValueError(f"{self.path}: there is no joint {joint!r}; there are {', '.join(self.joints)}")
+        if self.bodies:
+            raise ValueError(f"{self.path}: rigid bodies drive its joints, so that their motion is not known before the run")
+        times = np.union1d(self.times, self.motion.times)
+        world = skinning.worlds(self.parents, skinning.locals_(self, times))[:, self.joints.index(joint)]
+        if self.stretch is not None:
+            world[:, :3] = self.stretch @ world[:, :3]
+        world = np.stack([self.motion.at(t) for t in times]) @ world
+        world[:, :3, :3] = rotation.polar(world[:, :3, :3])[0]
+        return Motion(times, world)
+
 
 @dataclass(eq=False)
 class Shape(Compared):

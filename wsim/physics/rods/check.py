@@ -200,7 +200,7 @@ def _pins(rods: Rods) -> Iterator[Problem]:
                         "take physics:stiffness off, or tie them otherwise")
         if pin.follows is not None:
             yield error(pin.path, f"holds strands of {rods.path} at a mesh that a skeleton moves", "an xform",
-                        "attach them to an Xform that follows the joint")
+                        "attach them to an Xform that goes with the joint; in Python, motion=skeleton.joint_motion(JOINT)")
         np.add.at(held, pin.points, 1)
     if (held > 1).any():
         yield error(rods.path, f"point {int(np.argmax(held > 1))} is held by two pins", "one", "leave it to one of them")

@@ -15,7 +15,7 @@ from wsim.geometry.triangulate import triangulate
 from wsim.scene import CLOTH_MODELS, Cloth, Collider, Plane, Problem, Springs, Surface, solids
 from wsim.scene.check import mesh
 from wsim.scene.check.counts import MANY, MOST
-from wsim.scene.curve import Motion
+from wsim.scene.curve import Curve, Motion
 from wsim.scene.nodal.masses import cloth_masses
 from wsim.scene.values import table
 
@@ -66,6 +66,8 @@ def values(thing) -> Iterator[Problem]:
         value: Any = getattr(thing, name, None)
         mend = row.mend or f"author another {row.usd.attribute if row.usd else name}"
         if row.form == "vector" and value is not None and (np.shape(value) != (3,) or not np.all(np.isfinite(value))):
+            if isinstance(value, Curve):
+                mend = f'leave it at its value at the start, and give the Curve to simulation.set("{path}", "{name}", curve)'
             yield error(path, f"{name} is {value}", "three finite numbers", mend)
         elif row.form == "number" and np.ndim(value) == 0 and value is not None and not row.range.holds(value, True):
             yield error(path, f"{name} is {value:g}", row.range.words, mend)

@@ -148,8 +148,8 @@ def _damping(scene: Scene) -> Iterator[Problem]:
 
 def _paths(scene: Scene) -> Iterator[Problem]:
     if not scene.bodies() and not moving(scene):
-        yield error("/", "nothing here can move: no cloth, no spring net and no soft body", "at least one",
-                    "apply PhysicsSurfaceDeformableSimAPI to a mesh, or let `wsim new cloth MESH -o SCENE` (or softbody) do it")
+        yield error("/", "nothing here can move: no cloth, springs, soft body, rods, rigid body, smoke or liquid",
+                    "at least one", "add one, as by scene.cloth(...); in USD, `wsim new cloth MESH -o SCENE` shows how")
     skins = [skin for soft in scene.softs for skin in soft.skins]
     named: list = [*scene.bodies(), *skins, *scene.colliders, *scene.pins, *scene.ties, *scene.loads,
                    *(thing for _, thing in every(scene))]

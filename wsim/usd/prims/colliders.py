@@ -1,8 +1,7 @@
 """Prims with PhysicsCollisionAPI <-> `Collider`.
 
-A collider's motion is rigid: M(t) = R(t) S, and S goes into the sizes. A shape whose S it cannot take (a sphere
-scaled along one axis, shear) or whose S changes in time becomes a mesh. Shapes lie along their own z; the prim's axis
-X or Y is turned there.
+A collider's motion is rigid: M(t) = R(t) S, and S goes into the sizes. A shape becomes a mesh if it cannot take S (a sphere
+scaled along one axis, shear), or if S changes in time. Shapes lie along their own z; the prim's axis X or Y is turned there.
 """
 
 from dataclasses import dataclass
@@ -276,7 +275,8 @@ def _author_shape(stage: Usd.Stage, path: str, shape: Shape, units: Units) -> Us
     for field, value in solid.write(shape).items():
         attribute = prim.GetAttribute(field) or prim.CreateAttribute(field, Sdf.ValueTypeNames.Double, True)
         attribute.Set(float(value) if solid.stretch else value / units.metres)
-    geometry.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(geometry, Usd.TimeCode.Default()))
+    if geometry:                                   # a shape that somebody added may be an Xform
+        geometry.CreateExtentAttr(UsdGeom.Boundable.ComputeExtentFromPlugins(geometry, Usd.TimeCode.Default()))
     return geometry
 
 

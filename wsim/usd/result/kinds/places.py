@@ -54,8 +54,12 @@ def _points(stage: Usd.Stage, scene: Scene, path: str, count: int) -> None:
 def _thing(stage: Usd.Stage, kind: str, path: str) -> None:
     """Raises SceneError where a thing of another method cannot be written."""
     prim = stage.GetPrimAtPath(path)
-    if not prim or prim.IsInstanceProxy():
-        raise SceneError(Problem(path, "is no prim that a layer can write over; the result needs it outside instances"))
+    if not prim:
+        raise SceneError(Problem(path, f"is not in {stage.GetRootLayer().identifier}; if it was added in Python, write the "
+                                 "scene first with wsim.save and load that file"))
+    if prim.IsInstanceProxy():
+        raise SceneError(Problem(path, "is inside an instance, whose contents a layer cannot change; set instanceable = false "
+                                 "there, or move it out of it"))
     expected = {"Body": UsdGeom.Xformable, "Skeleton": UsdSkel.Skeleton, "Rods": UsdGeom.PointBased}.get(kind)
     if expected and not prim.IsA(expected):
         raise SceneError(Problem(path, f"is a {prim.GetTypeName() or 'prim without type'}; the result needs a "
