@@ -134,7 +134,7 @@ def test_fallbacks_of_the_schemas_are_the_defaults_of_a_soft_body_and_its_materi
         attribute = registry.FindAppliedAPIPrimDefinition(row.schema).GetAttributeDefinition(row.attribute)
         assert attribute.GetFallbackValue() == getattr(soft if row.owner == "Soft" else soft.material, row.field)
         if row.type == "token":
-            assert tuple(attribute.GetMetadata("allowedTokens")) == MODELS
+            assert tuple(attribute.GetMetadata("allowedTokens")) == tuple(MODELS)
 
 
 # Read ----------------------------------------------------------------------------------------------------------------
