@@ -20,7 +20,7 @@ CPU = {"device": "cpu"}
 @pytest.mark.parametrize("name", ["frames", "substeps", "iterations"])
 def test_counts_without_end_are_refused(scene, name):
     fatal = [str(p) for p in check(replace(scene, **{name: counts.MOST + 1})) if p.fatal]
-    assert len(fatal) == 1 and f"{name} is 1e+06; allowed: up to 1000000" in fatal[0] and f"--{name}" in fatal[0]
+    assert len(fatal) == 1 and f"{name} is 1e+06; allowed: a whole number up to 1000000" in fatal[0] and f"--{name}" in fatal[0]
     assert not [p for p in check(replace(scene, **{name: counts.MOST})) if p.fatal]
 
 

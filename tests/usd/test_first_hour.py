@@ -1,5 +1,7 @@
 """Mistakes of a first hour, each answered by one line that names place and cure: by `wsim check`, `wsim new`, Python."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, Vt
@@ -143,6 +145,14 @@ def rag() -> wsim.Scene:
     return scene
 
 
+@dataclass(frozen=True)
+class Brick:
+    x: float
+    y: float
+    z: float
+    rim: float
+
+
 # what: (call, what is found, the cure)
 PYTHON = {
     "a path without a slash": (lambda: wsim.Simulation(wsim.Scene(cloths=[wsim.Cloth("rag", *RAG)])), "this is no prim path",
@@ -152,8 +162,18 @@ PYTHON = {
     "an empty scene": (lambda: wsim.Simulation(wsim.Scene()), "nothing here can move", "wsim new cloth MESH"),
     "a wind over time as a field": (lambda: wsim.Simulation(wsim.Scene(wind=wsim.Curve([0.0, 1.0], [(0, 0, 0), (1, 0, 0)]))),
                                     "wind is Curve", 'simulation.set("/", "wind", curve)'),
-    "a shape of four lengths": (lambda: solids.row(wsim.Sphere(1.0)).size(wsim.Sphere((1.0, 2.0, 3.0, 4.0))), "has 4 lengths",
-                                "holds three"),
+    "a shape of four lengths": (lambda: solids.SOLIDS[0].size(Brick(1.0, 2.0, 3.0, 4.0)), "has 4 lengths", "holds three"),
+    "a box of one length": (lambda: wsim.Box(0.1), "Box: half is 0.1", "allowed are three lengths [m]"),
+    "a ball of three lengths": (lambda: wsim.Sphere((0.1, 0.2, 0.3)), "Sphere: radius is", "allowed is one length [m]"),
+    "a place in a plane": (lambda: wsim.Scene().collider("/ball", wsim.Sphere(0.1), at=(0, 1)), "/ball: at is (0, 1)",
+                           "allowed are three lengths [m]"),
+    "a mask as points of a pin": (lambda: wsim.Pin("/pin", "/rag", np.array([True, False])), "found a mask",
+                                  "numpy.flatnonzero(mask)"),
+    "half a point": (lambda: wsim.Pin("/pin", "/rag", [0, 1.5]), "found 1.5", "whole numbers"),
+    "the name of a fabric": (lambda: wsim.Cloth("/rag", *RAG, material="silk"), "/rag: material is 'silk'",
+                             'wsim.fabric("silk")'),
+    "half a frame": (lambda: wsim.Simulation(wsim.Scene(frames=2.5, cloths=[wsim.Cloth("/rag", *RAG)])), "frames is 2.5",
+                     "a whole number up to"),
     "another precision": (lambda: wsim.Simulation(rag(), precision="double"), "found 'double'", "allowed are float32, float64"),
     "a device that is none": (lambda: wsim.Simulation(rag(), device="gpu"), "there is no device 'gpu'", "allowed are"),
     "a fabric out of range": (lambda: wsim.Fabric(stretch=-1.0), "stretch is -1", "allowed is a finite number > 0"),

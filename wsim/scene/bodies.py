@@ -13,8 +13,16 @@ CLOTH_MODELS = ("membrane", "springs")
 
 
 def array(value, dtype, *shape):
-    """value as a contiguous array of that dtype and shape (-1: any); None stays None."""
-    return None if value is None else np.ascontiguousarray(value, dtype).reshape(shape)
+    """value as a contiguous array of that dtype and shape (-1: any); None stays None. Raises ValueError where numbers of
+    points are none: a mask, fractions."""
+    if value is None:
+        return None
+    given = np.asarray(value)
+    if dtype is np.int32 and given.dtype == bool:
+        raise ValueError("found a mask where numbers of points or the like belong; give numpy.flatnonzero(mask)")
+    if dtype is np.int32 and given.dtype.kind == "f" and (parts := given[given % 1 != 0]).size:
+        raise ValueError(f"found {parts[0]:g} where whole numbers belong")
+    return np.ascontiguousarray(value, dtype).reshape(shape)
 
 
 def reals(value, *shape):
@@ -26,6 +34,23 @@ def reals(value, *shape):
     if kept.dtype in (np.float16, np.float32):
         return array(kept, np.float32, *shape)
     return np.array(kept, np.float64, order="C").reshape(shape)              # apart from the caller's
+
+
+def demand_kind(path: str, material, kind: type, example: str) -> None:
+    """Raises ValueError where a material is none of that class."""
+    if not isinstance(material, kind):
+        raise ValueError(f"{path}: material is {material!r}; allowed is a {kind.__name__}, such as {example}")
+
+
+class SizedShape:
+    """A dataclass of lengths. Raises ValueError where one is not as many numbers as its type says."""
+
+    def __post_init__(self):
+        for f in fields(self):                                            # type: ignore[arg-type]
+            value, three = getattr(self, f.name), "tuple" in str(f.type)
+            if np.shape(value) != ((3,) if three else ()):
+                allowed = "are three lengths" if three else "is one length"
+                raise ValueError(f"{type(self).__name__}: {f.name} is {value}; allowed {allowed} [m]")
 
 
 def single(thing):
@@ -119,6 +144,7 @@ class Cloth(Compared):
     self_collision: bool = False
 
     def __post_init__(self):
+        demand_kind(self.path, self.material, Fabric, 'wsim.fabric("silk")')
         self.points = reals(self.points, -1, 3)
         self.counts, self.indices = array(self.counts, np.int32, -1), array(self.indices, np.int32, -1)
         self.velocities = reals(self.velocities, -1, 3)
@@ -246,6 +272,8 @@ class Soft(Compared):
     self_collision: bool = False
 
     def __post_init__(self):
+        for material in self.materials:
+            demand_kind(self.path, material, Bulk, "wsim.Bulk(young=2e4)")
         self.points, self.tets = reals(self.points, -1, 3), array(self.tets, np.int32, -1, 4)
         self.which, self.filled = array(self.which, np.int32, -1), reals(self.filled, -1)
         self.velocities = reals(self.velocities, -1, 3)

@@ -29,6 +29,8 @@ COLLIDER_FIELDS = ("static_friction", "dynamic_friction", "restitution", "thickn
 def _motion(path: str, at, more: dict) -> Motion:
     """The motion among arguments, or the place `at`. Raises SceneError for both, and for what is no Motion."""
     motion = more.get("motion")
+    if np.shape(at) != (3,):
+        raise SceneError(Problem(path, f"at is {at}; allowed are three lengths [m]"))
     if motion is None:
         return Motion.at_place(at)
     if not isinstance(motion, Motion):

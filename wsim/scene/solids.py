@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from wsim.geometry import primitives
-from wsim.scene.bodies import Compared, array
+from wsim.scene.bodies import Compared, SizedShape, array
 from wsim.scene.curve import Motion
 
 APPROXIMATIONS = ("none", "meshSimplification", "convexHull", "convexDecomposition", "boundingCube", "boundingSphere")
@@ -38,7 +38,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(SizedShape):
     """A ball about the own origin, as in `scene.collider("/ball", Sphere(0.2), at=(0, 1, 0))`.
 
     radius    [m]
@@ -48,7 +48,7 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(SizedShape):
     """A box about the own origin, as in `scene.collider("/table", Box((0.5, 0.02, 0.3)), at=(0, 0.7, 0))`.
 
     half    half of its edge lengths along x, y, z, (3,) [m]
@@ -58,7 +58,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Capsule:
+class Capsule(SizedShape):
     """A cylinder with round caps, along own z, as in `scene.body("/pill", Capsule(0.05, 0.1), at=(0, 1, 0))`.
 
     radius         [m]
@@ -70,7 +70,7 @@ class Capsule:
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(SizedShape):
     """A cylinder along own z, as in `scene.body("/wheel", Cylinder(0.3, 0.05), at=(0, 0.3, 0))`.
 
     radius         [m]
@@ -82,7 +82,7 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Cone:
+class Cone(SizedShape):
     """A cone along own z, its apex at +half_height, as in `scene.collider("/cone", Cone(0.1, 0.2))`.
 
     radius         of its base at -half_height [m]

@@ -74,8 +74,8 @@ def _settings(scene: Scene) -> Iterator[Problem]:
     yield from number("/", "substeps", scene.substeps, 1, mend="give --substeps, 10 say")
     yield from number("/", "iterations", scene.iterations, 1, mend="give --iterations, 4 say")
     for name in ("frames", "substeps", "iterations"):
-        if getattr(scene, name) > MOST:
-            yield error("/", f"{name} is {getattr(scene, name):g}", f"up to {MOST}", f"give another --{name}")
+        if getattr(scene, name) > MOST or getattr(scene, name) % 1:
+            yield error("/", f"{name} is {getattr(scene, name):g}", f"a whole number up to {MOST}", f"give another --{name}")
     yield from values(scene)
     if scene.contact_width > 0.0:
         for path in [c.path for c in scene.colliders if c.restitution > 0.0][:1]:
