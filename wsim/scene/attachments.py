@@ -16,7 +16,7 @@ class Pin(Compared):
     `scene.pin("/pins", flag, range(9))`.
 
     path        prim path
-    body        prim path of the cloth, spring net or soft body
+    body        prim path of the cloth, spring net, soft body or rods
     points      indices of its points, (k,), in the author's order, counted from 0
     target      prim path of the Xform that holds them; "": an Xform beside the pin
     motion      the target's frame to world over time, rigid, lengths [m]

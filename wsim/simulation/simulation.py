@@ -230,7 +230,7 @@ class Simulation:
         return record.poses(self, path, world)
 
     def samples(self, world: int = 0) -> list:
-        """Samples that methods hand to a result besides points, now (`wsim.scene.samples`)."""
+        """Samples for a result besides points, now (`wsim.scene.samples`): particles of liquids, smoke, poses of bodies ..."""
         return [sample for method in self.plan.methods for sample in method.samples(world)]
 
     def set(self, path: str, name: str, value, world: "int | Sequence[int] | None" = None) -> None:
@@ -253,7 +253,7 @@ class Simulation:
             live.set_value(self, path, name, value, world)
 
     def fields(self, path: str | None = None) -> dict[str, np.ndarray]:
-        """Fields of a body for an exact restart, by name, in the author's order; middles of edges come behind points."""
+        """Fields of an object for an exact restart, by name, in the author's order; mid-edge nodes come behind points."""
         path = self.model.body(None).path if path is None else path
         found = {name: array.numpy()[rows] for name, array, rows in self.state.of(path)}
         if not found:
