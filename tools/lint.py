@@ -7,7 +7,7 @@
     kernels     names, which are unique
     ports       methods are asked for what they offer, not by their names
     adjoints    x_adjoint.py has x.py beside it; who launches does not know of it
-    words       no place of one machine, nothing unfinished
+    words       no place of one machine, nothing unfinished; names that occur once or have one word: tools/lint_names.py
 
 Each rule is a function from sources to complaints, `file:line: what is wrong`; tests/tools/test_lint.py shows each of them
 catch a planted fault.
@@ -20,6 +20,9 @@ import sys
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from tools import lint_names  # noqa: E402
 
 TEXTS = (".md", ".toml", ".usda", ".json", ".csv", ".txt", "")
 ROOT = Path(__file__).resolve().parent.parent
@@ -287,7 +290,8 @@ def main() -> int:
     gc.disable()                            # trees hold no garbage, and looking for it takes half of the time
     files = sources()
     complaints = [*layers(files), *entries(), *cycles(files), *size(files), *kernels(files), *ports(files), *adjoints(files),
-                  *words(files), *words(texts())]
+                  *words(files), *words(texts()), *lint_names.worse_names(dict(product(files).values()))]
+    print(lint_names.describe_names(dict(product(files).values())))
     print("\n".join(complaints) if complaints else f"house rules hold in {len(files)} files")
     return 1 if complaints else 0
 

@@ -30,6 +30,23 @@ def test_the_sources_keep(rule):
     assert list(rule(FILES)) == []
 
 
+def test_both_statistics_of_names_complain_when_they_get_worse():
+    odd = {Path(f"wsim/odd_{k}.py"): "def move():\n    def move():\n        return 0\n    return move\n" for k in range(2000)}
+    once, words = lint.lint_names.worse_names(dict(lint.product({**FILES, **odd}).values()))
+    assert "occur once" in once and "one word" in words
+
+
+def test_names_that_a_base_class_demands_do_not_count_again():
+    body = "    def take(self): ...\n"
+    text = f"class Base:\n{body}class A(Base):\n{body}class B(Base):\n{body}"
+    apart = text.replace("(Base)", "")
+    assert [lint.lint_names.name_shares({Path("wsim/a.py"): lint.parsed(t)})[0] for t in (text, apart)] == [1.0, 0.5]
+
+
+def test_names_are_no_worse_than_they_were():
+    assert list(lint.lint_names.worse_names(dict(lint.product(FILES).values()))) == []
+
+
 def test_no_folder_is_full():
     assert list(lint.entries()) == []
 
